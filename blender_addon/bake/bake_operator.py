@@ -237,7 +237,9 @@ def low_frequencies(settings: Any) -> str:
 def target_provenance(settings: Any) -> Provenance:
     """The target's mesh as provenance of a bake; empty if no target is known."""
     target = known_target(settings)
-    return {"Mesh": mesh_stamp(target)} if target is not None else {}
+    if target is None:
+        return {}
+    return {**({"Target": target.data.name} if settings.target else {}), "Mesh": mesh_stamp(target)}
 
 
 def known_target(settings: Any) -> Any:

@@ -66,9 +66,7 @@ class MPS_OT_estimate(OnEachRig, EstimateSettings, bpy.types.Operator):
         # True for everything that Render Photo writes.
         self._omitted_notes = () if is_real(image) else ("read as linear (float file)",)
         if self.albedo and not self.white and not moves:
-            raise SettingsError(
-                "the albedo is made from a white photo and none is named; choose one in Photo > Lens and Corrections"
-            )
+            raise SettingsError("the albedo is made from a white photo and none is named; choose one in Photo > Colour")
         if self.surface:
             scene.mps.estimate.surface = find_object(scene, self.surface)
         self._lens, self._photo = self.lens, image.session_uid

@@ -65,6 +65,11 @@ class ReportingOperator(bpy.types.Operator):
         """What is missing to run it, as a sentence without a full stop; "" if nothing is."""
         return _MISSING[cls.requires] if cls.requires and not getattr(context.scene.mps, cls.requires).image else ""
 
+    def refuse_lacking(self, context: Any) -> None:
+        """Raise InputError if something is missing; for operators that a script may give it, so that they can begin."""
+        if lacking := self.lacks(context):
+            raise InputError(f"{lacking[0].lower()}{lacking[1:]}")
+
     @classmethod
     def provenance(cls, context: Any) -> Provenance:
         """The current inputs of a result. If they change later, the panel shows that the result is out of date."""

@@ -49,10 +49,6 @@ class MPS_PT_estimate_options(Step):
         column = self.column(estimate, averages and "average_passes", "file_format")
         column.prop(estimate, "output", text="Folder" if moves else "File", placeholder="Automatic")
         column.prop(estimate, "smooth" if moves else "confidence")
-        if not moves:
-            row = column.row()
-            row.active = bool(estimate.white)
-            row.prop(estimate, "albedo")
         column = self.column()
         column.label(text="Near Lights")
         column.prop(estimate, "surface", placeholder="None")

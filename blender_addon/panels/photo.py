@@ -59,6 +59,8 @@ class MPS_PT_photo(Step):
             if other != "render_photo" or verb != other:
                 self.failure(context.scene, other)
         self.picture(photo.image, folded="photo")
+        if verb == "open_photo" and photo.image is not None:
+            self.progress_or(context, "check_photo", "VIEWZOOM")
 
     def _render(self, context: Any, photo: Any) -> None:
         column = self.column()
@@ -177,10 +179,19 @@ class MPS_PT_real(Step):
     bl_options = {"DEFAULT_CLOSED"}
 
     def draw(self, context: Any) -> None:
+        self.column(context.scene.mps.estimate, "lens", "encoding", "dark", "flat", dark="None", flat="None")
+
+
+class MPS_PT_colour(Step):
+    bl_label = "Colour"
+    way = "PHOTOGRAPH"
+    bl_parent_id = "MPS_PT_photo"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    def draw(self, context: Any) -> None:
         estimate = context.scene.mps.estimate
-        names = ("lens", "encoding", "dark", "flat", "white", bool(estimate.white) and "white_light")
-        self.column(estimate, *names, dark="None", flat="None", white="None", white_light="Rig")
-        self.progress_or(context, "check_photo", "VIEWZOOM")
+        names = (bool(estimate.white) and "white_light", bool(estimate.white or estimate.albedo) and "albedo")
+        self.column(estimate, "white", *names, white="None", white_light="Rig")
 
 
 class MPS_PT_superpose(Step):

@@ -133,7 +133,7 @@ def _lacks_other_files(settings: Any, *, moves: bool) -> str:
     if settings.model == "FILE" and (lacking := lacks_named(settings, "model_file", optional=False)):
         return lacking
     if settings.albedo and not settings.white and not moves:
-        return "The albedo is made from a white photo; choose one in Photo, or switch Albedo off"
+        return "The albedo is made from a white photo; choose one in Photo > Colour, or switch Albedo off"
     return next(filter(None, (lacks_named(settings, name, optional=True) for name in ("dark", "flat", "white"))), "")
 
 

@@ -214,14 +214,8 @@ class MPS_OT_superpose(RunsCore, SuperposeSettings, bpy.types.Operator):
 
 
 def _set_photo(rig: Any, image: bpy.types.Image) -> None:
-    """Make an image the photo of a rig, and reset settings of the previous photo."""
-    if rig.photo.image not in (None, image):
-        # They belong to the previous photo.
-        rig.estimate.white, rig.estimate.painted_mask = "", None
-        if (checked := rig.records.find("check_photo")) >= 0:
-            rig.records.remove(checked)
-        if rig.estimate.mask == "PAINTED":
-            rig.estimate.property_unset("mask")
+    """Make an image the photo of a rig."""
+    rig.photo.settings_of = rig.photo.settings_of or rig.photo.image  # as in files of earlier versions
     rig.photo.image = image
 
 

@@ -79,6 +79,9 @@ class _Calibrates(RunsCore, CalibrateSettings):
             self.made(image)
         settings.summary = "\n".join("|".join(row) for row in table)
         estimate.rig_file = str(self._rig)
+        if from_ball(self) and self.lens and not estimate.lens:
+            estimate.lens = self.lens
+            self.tell(f"The lens of {self.lens:g} mm counts for the photo, too")
         text = None if is_permanent(self._rig) else self._rig.read_text(encoding="utf-8")
         estimate.kept_rig = json.dumps([str(self._rig), text]) if text else ""
         self.tell(f"Rig written to {self._rig}; photos are estimated with it from now on")
@@ -114,8 +117,7 @@ class MPS_OT_calibrate_lights(_Calibrates, bpy.types.Operator):
         if given("ball") and not given("source"):
             self.source = calibrate.source if from_ball(calibrate) else "BALL"
         apply_given_settings(self, calibrate)
-        if lacking := self.lacks(context):
-            raise InputError(f"{lacking[0].lower()}{lacking[1:]}")
+        self.refuse_lacking(context)
         if not from_ball(self):
             return self._by_photo(context, folder)
         photos = [_photo(self.ball, "the mirror ball")]

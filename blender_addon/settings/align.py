@@ -80,4 +80,5 @@ class MPS_PG_image(bpy.types.PropertyGroup):
     )
     poor: BoolProperty(name="Poor", description="Whether the mesh fits the photo too poorly to bake with")
     photo: image_pointer("Photo", "The photo that these normals were estimated from")
+    painted_mask: image_pointer("Painted Mask", "The mask that was painted for this photo, while another is chosen")
     coverage: image_pointer("Coverage", "Which of this texture's texels some view saw")

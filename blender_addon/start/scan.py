@@ -8,11 +8,12 @@ import bpy
 from mpsnet_core.calibrate.mesh_operation import POOR
 from mpsnet_core.errors import InputError
 
+from ..bake.bake_operator import check_shows_normals
 from ..bake.unwrap import lacks_uvs, unwrap
 from ..operators.chain import Call, RunsSteps, run_operator
 from ..operators.core_run import idle
 from ..photo.align import mesh_of_photo
-from ..photo.camera import lacks_photo_camera
+from ..photo.camera import chosen_camera, lacks_photo_camera
 from ..photo.options import finds_lights, rig_file_for
 from ..scene.objects import find_object
 from ..settings.declared import FileSetting, StringSetting
@@ -50,18 +51,22 @@ class MPS_OT_scan(RunsSteps, bpy.types.Operator):
             run_operator(bpy.ops.mps.open_photo, filepath=self.photo)
         if self.target:
             scene.mps.bake.target = find_object(scene, self.target)
-        if lacking := self.lacks(context):
-            raise InputError(f"{lacking[0].lower()}{lacking[1:]}")
+        self.refuse_lacking(context)
         if scene.mps.photo.image.source != "FILE":
             raise InputError("a scan is made of one photo, and this is a sequence or a video; open one of its frames")
         scene.mps.bake.target = target = mesh_of_photo(context)
+        if scene.mps.bake.assign:
+            check_shows_normals(target)  # before minutes of work
         if lacks_uvs(target):
             unwrap(context, target)
             self.tell(f'"{target.name}" had no UVs and was unwrapped')
 
     def _align(self, context: Any) -> Call | None:
-        photo = context.scene.mps.photo.image
-        return ("align_photo", {}) if lacks_photo_camera(context.scene, photo) or photo.mps.poor else None
+        scene = context.scene
+        photo = scene.mps.photo.image
+        camera = chosen_camera(scene, photo)
+        of_another = bool(photo.mps.fit) and camera is not None and camera.parent not in (None, scene.mps.bake.target)
+        return ("align_photo", {}) if lacks_photo_camera(scene, photo) or photo.mps.poor or of_another else None
 
     def _lights(self, context: Any) -> Call | None:
         scene = context.scene
@@ -85,7 +90,7 @@ class MPS_OT_scan(RunsSteps, bpy.types.Operator):
         return "estimate", {"albedo": bool(estimate.white)}
 
     def _bake(self, context: Any) -> Call:
-        return "bake", {}
+        return "bake", {"objects": "ACTIVE"}
 
     def _present(self, context: Any) -> None:
         scene = context.scene
@@ -95,4 +100,4 @@ class MPS_OT_scan(RunsSteps, bpy.types.Operator):
             target.select_set(True)
             if scene.mps.relight.lamp is None:
                 run_operator(bpy.ops.mps.relight)
-        self.tell(f"The texture is on the object: {result_of(scene.mps, 'bake')['written'][0]}")
+        self.tell("The object has the photo's normals as its texture. To stop the lamp press Relight in 4 Bake")

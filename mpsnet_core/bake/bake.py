@@ -13,6 +13,7 @@ from mpsnet_core.arrays.rasterize import Raster, TextureSize, texel_areas, width
 from mpsnet_core.arrays.row_bands import bands, on_all_cores
 from mpsnet_core.arrays.unit_vectors import normalised
 from mpsnet_core.bake.fill import fill_unseen
+from mpsnet_core.bake.fill_colours import SeamEdges, fill_colours
 from mpsnet_core.bake.padding import Padding, padded
 from mpsnet_core.bake.projection import Projector, View
 from mpsnet_core.bake.settings import BakeSettings
@@ -27,7 +28,7 @@ from mpsnet_core.scene.mesh import Mesh
 from mpsnet_core.scene.rays import RayScene
 from mpsnet_core.scene.texture import Space, Texture
 from mpsnet_core.scene.texture_sets import TextureSet, texture_sets
-from mpsnet_core.scene.uv_islands import islands_of
+from mpsnet_core.scene.uv_islands import Islands, islands_of
 
 log = logging.getLogger(__name__)
 
@@ -74,7 +75,7 @@ def bake_normals(
     Texture
         Each texel is the mean over the views that see it, weighted by confidence and by the fourth power of the cosine
         between surface and camera. Texels that no view sees keep the mesh's shading normal unless they are filled.
-        Colours have the same weights. Where no view has one, and beyond the UV islands, they are extrapolated smoothly.
+        Colours have the same weights. Where no view has one, they go on along the surface, and beyond the islands.
 
     Raises
     ------
@@ -181,16 +182,17 @@ def _prepared(meshes: Sequence[Mesh], views: Sequence[View], baking: BakeSetting
     del whole
     projectors = Projectors(views, scene, baking.feather)
     seen = seen_triangles(meshes, projectors, scene, progress)
-    islands = [islands_of(mesh).of_triangle for mesh in meshes] if baking.fill else None
+    # The views were read: they have colours if their samples have more than four values.
+    islands = [islands_of(mesh) for mesh in meshes] if baking.fill or projectors.values > 4 else None
     return _Bake(meshes, projectors, seen, scene.middle, baking, islands)
 
 
 def _finished(texture: Texture, baking: BakeSettings) -> Texture:
     colours = texture.colours
     if colours is not None:
-        # Extrapolate colours smoothly to where no view sees the surface, and beyond the islands.
-        known = colours[..., 3] > 0
-        colours = np.concatenate([push_pull(colours[..., :3], known), known[..., None]], axis=-1, dtype=np.float32)
+        # Extrapolate colours smoothly beyond the islands.
+        whole = push_pull(colours[..., :3], texture.covered)
+        colours = np.concatenate([whole, colours[..., 3:] > 0], axis=-1, dtype=np.float32)
         if baking.padding == "none":
             colours[~texture.covered] = 0
     vectors = padded(texture.vectors, texture.covered, baking.padding, baking.margin)
@@ -211,8 +213,8 @@ class _Bake:
     """(3,). The scene's centre in world space."""
     baking: BakeSettings
     """How the textures are baked."""
-    islands: Sequence[NDArray[np.int32]] | None
-    """For each mesh, (T,) the UV island of each triangle; None if nothing is filled."""
+    islands: Sequence[Islands] | None
+    """The UV islands of each mesh; None if nothing is filled."""
 
     def texture(self, texture_set: TextureSet, progress: Progress) -> Texture | None:
         """The texture set's texture, without padding, or None if no texel lies on its UVs."""
@@ -265,16 +267,30 @@ class _Bake:
         inside = ((corners > -1) & (corners < fine_size)).all(axis=(1, 2))
         if texel_areas(corners[inside]).sum() > 1.05 * texture.covered.sum() * samples**2:
             _warn_of_overlapping_uvs(self.meshes, texture_set)
-        return texture if island_of is None else fill_unseen(texture, islands, known, progress=part(progress, 0.6, 0.9))
+        if texture.colours is not None:
+            fill_colours(texture.colours[..., :3], islands, texture.colours[..., 3] > 0, self._seams(texture_set))
+        if not self.baking.fill:
+            return texture
+        return fill_unseen(texture, islands, known, progress=part(progress, 0.6, 0.9))
+
+    def _seams(self, texture_set: TextureSet) -> SeamEdges:
+        """The seams of the texture set's meshes in its unit square, with the islands' numbers of :meth:`_islands`."""
+        assert self.islands is not None
+        first = np.cumsum([0, *(one.count for one in self.islands)])
+        uvs: NDArray[np.float64] = np.concatenate([one.seam_uvs for one in self.islands]) - np.array(
+            texture_set.corner, np.float64
+        )
+        numbered = [one.seam_islands + before for one, before in zip(self.islands, first, strict=False)]
+        return SeamEdges(uvs - np.array(texture_set.corner, np.float64), np.concatenate(numbered).astype(np.int32))
 
     def _islands(self, texture_set: TextureSet) -> NDArray[np.int32] | None:
         """The UV island of each of the texture set's triangles, in the order of :meth:`texture`'s corners."""
         if self.islands is None:
             return None
         numbers, first = [], 0
-        for triangles, island in zip(texture_set.parts, self.islands, strict=True):
-            numbers.append(first + (island if triangles is None else island[triangles]))
-            first += int(island.max()) + 1
+        for triangles, islands in zip(texture_set.parts, self.islands, strict=True):
+            numbers.append(first + (islands.of_triangle if triangles is None else islands.of_triangle[triangles]))
+            first += islands.count
         together: NDArray[np.int32] = np.concatenate(numbers)
         return together
 

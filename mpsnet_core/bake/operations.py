@@ -475,8 +475,9 @@ class Bake(BakesDetail):
             raise SettingsError("--confidence takes one normal map per view; leave it out for a sequence")
         if self.albedo:
             raise SettingsError("--albedo takes one still photo per view; leave it out for a sequence")
-        if self.coverage or self.least_seen:
-            raise SettingsError("--coverage and --least-seen are for a single pose; leave them out for a sequence")
+        for name in ("coverage", "least_seen"):
+            if getattr(self, name):
+                raise SettingsError(f"--{name.replace('_', '-')} is for a single pose; leave it out for a sequence")
         inputs = frame_inputs(self.mesh[0], views)
         checked_bits(Path(f"texture{target.suffix}"), target.bits)
         numbers = sorted(inputs)

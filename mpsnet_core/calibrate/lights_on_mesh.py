@@ -38,7 +38,7 @@ FLOOR = 0.03
 ROUNDS = 30  # of Gauss-Newton
 FREEDOM = 2.0  # degrees of the t-distribution
 # Prior standard deviations: crosstalk and ambient light as shares of a channel's own light, and steps of a light.
-CROSSTALK, AMBIENT = 0.15, 0.05
+CROSSTALK, NONE, AMBIENT = 0.15, 1e-3, 0.05
 LONGEST_STEP, SETTLED = 0.15, 2e-4  # radians
 # A second paint must make the residuals' scale smaller by this factor, and cover this share of the pixels.
 PAINT_GAIN, PAINT_SHARE = 0.8, 0.05
@@ -64,7 +64,7 @@ class LightsOnMesh:
 
 
 def fit_lights(
-    colours: NDArray[np.floating[Any]], normals: NDArray[np.floating[Any]], reached: Reached
+    colours: NDArray[np.floating[Any]], normals: NDArray[np.floating[Any]], reached: Reached, *, mixed: bool = True
 ) -> LightsOnMesh:
     """Fit three distant lights and the mixing of their colours.
 
@@ -76,12 +76,16 @@ def fit_lights(
         Their unit normals, in the space of the result.
     reached : callable
         Which lights of given directions reach the pixels' surface points; those facing away count as reached.
+    mixed : bool
+        Whether channels may show lights other than their own, and paints differ in hue; not so in photos of one white
+        light each.
     """
     scale = np.maximum(np.percentile(colours, 98, axis=0), 1e-12)
     fit = _Fit(np.asarray(colours / scale, np.float64), np.asarray(normals, np.float64), reached)
+    fit.crosstalk = CROSSTALK if mixed else NONE
     fit.start()
     fit.run()
-    for _ in range(MAX_PAINTS - 1):
+    for _ in range(MAX_PAINTS - 1 if mixed else 0):
         split = fit.split()
         if split is None:
             break
@@ -89,8 +93,12 @@ def fit_lights(
     return fit.result()
 
 
-def lights_of_photo(image: Image, mask: NDArray[np.bool_], camera: Camera, mesh: Mesh) -> LightsOnMesh:
+def lights_of_photo(
+    image: Image, mask: NDArray[np.bool_], camera: Camera, mesh: Mesh, *, mixed: bool = True
+) -> LightsOnMesh:
     """The lights of a photo of a mesh. mask: (H, W) the object. camera: of the photo, possibly of another size.
+
+    mixed: as in :func:`fit_lights`.
 
     Raises GeometryError if the camera and the photo differ in aspect ratio, or the mesh covers too little of the mask.
     """
@@ -124,7 +132,7 @@ def lights_of_photo(image: Image, mask: NDArray[np.bool_], camera: Camera, mesh:
         rays = [np.ascontiguousarray(np.broadcast_to(light, starts.shape)) for light in towards]
         return ~np.stack([scene.occluded_within(starts, ray, far) for ray in rays], axis=1)
 
-    return fit_lights(means[rows[sure], columns[sure], :3], normals, reached)
+    return fit_lights(means[rows[sure], columns[sure], :3], normals, reached, mixed=mixed)
 
 
 class _Fit:
@@ -138,6 +146,7 @@ class _Fit:
         self.mixings = np.zeros((1, 3, 4))  # of each paint: channels x lights and ambient light
         self.covariance = np.full((3, 3), 0.05) + 0.05 * np.eye(3)
         self.scale = np.inf
+        self.crosstalk = CROSSTALK  # prior standard deviation
         self.information = np.eye(6)
 
     def start(self) -> None:
@@ -203,7 +212,7 @@ class _Fit:
         right = np.einsum("pia,pi->a", weighted, error)
         matrix, right = matrix / CORRELATED, right / CORRELATED
         own = np.einsum("qkk->qk", self.mixings[..., :3])
-        widths = np.where(np.eye(3, 4, dtype=bool), np.inf, np.array([CROSSTALK] * 3 + [AMBIENT])) * own[..., None]
+        widths = np.where(np.eye(3, 4, dtype=bool), np.inf, np.array([self.crosstalk] * 3 + [AMBIENT])) * own[..., None]
         prior = np.zeros(len(right))
         prior[6:] = 1 / widths.ravel() ** 2
         right[6:] -= prior[6:] * self.mixings.ravel()

@@ -1,12 +1,12 @@
 """The operation calibrate mesh: lights and crosstalk from a photo of an object whose mesh is known."""
 
 import logging
-from dataclasses import dataclass
-from pathlib import Path
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, ClassVar
 
-from mpsnet_core.capture.operations import ReadsPhotos
+from mpsnet_core.capture.operations import TakesLightPhotos
 from mpsnet_core.defaults import MASK
+from mpsnet_core.errors import SettingsError
 from mpsnet_core.operation import Result, option
 from mpsnet_core.progress import Progress, silent
 from mpsnet_core.scene.operations import TakesMesh
@@ -39,7 +39,7 @@ class MeshCalibrated(Result):
 
 
 @dataclass(frozen=True)
-class CalibrateMesh(TakesMesh, ReadsPhotos):
+class CalibrateMesh(TakesMesh, TakesLightPhotos):
     """Find the lights' directions and crosstalk from a photo of an object whose mesh is known.
 
     Any matt object with a scan, or a model that was printed, is a calibration target. Its paint may vary.
@@ -47,7 +47,9 @@ class CalibrateMesh(TakesMesh, ReadsPhotos):
 
     command: ClassVar[str] = "calibrate mesh"
 
-    image: str = option(positional=True, help="photo of the object under the three lights")
+    image: tuple[str, ...] = option(
+        positional=True, help="photo of the object under the three lights, or three with --per-light"
+    )
     mesh: str = option(help="the object's mesh in the camera's world", path="file", provenance="content")
     camera: str = option(
         help="camera file of the photo, as `mpsnet align` writes it", path="file", provenance="content"
@@ -63,21 +65,26 @@ class CalibrateMesh(TakesMesh, ReadsPhotos):
         from mpsnet_core.calibrate.lights_on_mesh import lights_of_photo
         from mpsnet_core.calibrate.report import LightFacts
         from mpsnet_core.io.files import check_no_overwrite, prefix_errors, writable_path, write_json
+        from mpsnet_core.io.frames import expand_images
         from mpsnet_core.io.image import CHANNELS
         from mpsnet_core.scene.camera import read_camera
         from mpsnet_core.scene.rig import angles_of, write_rig
 
         outputs = [writable_path(path) for path in (self.output, self.json) if path]
-        check_no_overwrite([Path(self.image), *self.inputs(self.mesh, self.camera, mask=self.mask)], outputs)
+        files = expand_images(self.image)
+        check_no_overwrite([*files, *self.inputs(self.mesh, self.camera, mask=self.mask)], outputs)
         camera, mesh = read_camera(self.camera), self.read_mesh(self.mesh, shape_only=True)
-        image, mask, _ = self.photo_and_mask(self.image, self.mask, progress)
+        source, *others = self.sources(files, self.mask)
+        if others:
+            raise SettingsError(f"{len(files)} photos where one is needed; with --per-light, three of one light each")
+        image, mask, _ = self.photo_and_mask(source, progress)
         progress(0.3, "fitting the lights")
-        with prefix_errors(self.image):
-            found = lights_of_photo(image, mask, camera, mesh)
+        with prefix_errors(source):
+            found = lights_of_photo(image, mask, camera, mesh, mixed=not self.per_light)
             # Under these lights, the shading may show another encoding.
-            again, mask, _ = self.photo_and_mask(self.image, self.mask, progress, _rig_of(found))
+            again, mask, _ = self.photo_and_mask(replace(source, rig=_rig_of(found)), progress)
             if not np.array_equal(again.pixels, image.pixels):
-                found = lights_of_photo(again, mask, camera, mesh)
+                found = lights_of_photo(again, mask, camera, mesh, mixed=not self.per_light)
             rig = _rig_of(found)
         write_rig(self.output, rig)
         lights = [

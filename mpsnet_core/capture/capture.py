@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from mpsnet_core.arrays.rasterize import extend_to_nearest
 from mpsnet_core.arrays.sampling import sampled_rows
 from mpsnet_core.arrays.sizes import SAME_CAMERA, check_same_size
+from mpsnet_core.capture.white_edges import shows_another_scene
 from mpsnet_core.errors import FormatError, GeometryError, NoObject, SettingsError
 from mpsnet_core.io.from_files import takes_files
 from mpsnet_core.io.image import CHANNELS, SATURATED_SHARE
@@ -39,6 +40,10 @@ FEW = 9
 SAMPLED = 1 << 17
 # Above this share of saturated pixels, there is a doubt.
 SPOILT = 0.05
+WHITE_MISFIT = (
+    "the white photo does not fit the photo: is it of the same object and pose, and under the rig's three lights "
+    "turned white? if one lamp lit it, say where that was (--white-light) [white-photo-misfit]"
+)
 # Pixels by which a mesh's depth is extended beyond the mesh.
 DEPTH_MARGIN = 32
 
@@ -297,6 +302,8 @@ def doubts(capture: Capture) -> Iterator[tuple[int, str, str]]:
     if spoilt > SPOILT:
         words = f"{100 * spoilt:.0f}% of the object's pixels are saturated and therefore wrong; use a shorter "
         yield INFO, "clipped", words + "exposure [clipped-photo]"
+    if capture.white is not None and shows_another_scene(capture.image, capture.white, capture.mask):
+        yield WARN, "white misfit", WHITE_MISFIT
     if capture.white_clipped is not None:
         share = capture.white_clipped[capture.mask].any(axis=1).mean()
         if share > SPOILT:

@@ -1,6 +1,8 @@
 """Operations of captures: superpose photos, find masks, check photos."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cache, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar
 
@@ -19,7 +21,6 @@ if TYPE_CHECKING:
     from mpsnet_core.capture.sources import Source
     from mpsnet_core.io.image import Image
     from mpsnet_core.scene.camera import Camera
-    from mpsnet_core.scene.rig import LightRig
 
 
 @dataclass(frozen=True)
@@ -70,23 +71,46 @@ class ReadsPhotos(ReadsPictures):
             )
         return PhotoReadOptions(self.encoding, self.layer, correction)
 
-    def photo_and_mask(
-        self, photo: str, choice: str, progress: Progress, rig: "LightRig | None" = None
-    ) -> "tuple[Image, NDArray[np.bool_], float | None]":
+    def photo_and_mask(self, source: "Source", progress: Progress) -> "tuple[Image, NDArray[np.bool_], float | None]":
         """A corrected photo, the object's mask (H, W), and the evidence against the usual encoding if it states none.
 
-        choice: as in :func:`mpsnet_core.find_mask`. Raises InputError if a file cannot be read, no object is found, or
-        the mask has another size.
+        Raises InputError if a file cannot be read, no object is found, or the mask has another size.
         """
         from mpsnet_core.capture.open import PhotoSet
-        from mpsnet_core.capture.sources import Source
 
-        photos = PhotoSet([Source(Path(photo), rig, choice)], self.read_options())
+        photos = PhotoSet([source], self.read_options())
         progress(0.1, "looking for the object")
-        masked = photos.masked(photos.sources[0])
+        masked = photos.masked(source)
         if not masked.mask.any():
-            raise GeometryError(f"{photo}: the mask is empty; choose another mask or threshold")
+            raise GeometryError(f"{source}: the mask is empty; choose another mask or threshold")
         return masked.image, masked.mask, photos.encoding_evidence
+
+
+@dataclass(frozen=True)
+class TakesLightPhotos(ReadsPhotos):
+    """Photos under three coloured lights, or three photos under one white light each."""
+
+    per_light: bool = option(
+        default=False,
+        help="each photo shows one white light: three photos of an object that did not move, in the order red, green, "
+        "blue, as `superpose --channels` takes them",
+    )
+
+    def sources(self, files: Sequence[Path], mask: str) -> "list[Source]":
+        """The photos, or the one photo whose channels they are.
+
+        Raises SettingsError if something cannot go with photos of one light each.
+        """
+        from mpsnet_core.capture.sources import Source
+        from mpsnet_core.capture.superpose import as_channels
+        from mpsnet_core.io.frames import in_order_of_lights
+
+        if not self.per_light:
+            return [Source(file, None, mask) for file in files]
+        if self.dark or self.flat or self.layer:
+            raise SettingsError("--per-light takes the photos as they are; leave --dark, --flat and --layer out")
+        lit = in_order_of_lights(files)
+        return [Source(cache(partial(as_channels, lit, encoding=self.encoding)), None, mask, name=str(lit[0]))]
 
 
 @dataclass(frozen=True)
@@ -245,6 +269,7 @@ class FindMask(ReadsPhotos):
 
     def run(self, progress: Progress = silent) -> MaskFound:
         """Write the mask, and the overlay if requested."""
+        from mpsnet_core.capture.sources import Source
         from mpsnet_core.io.files import check_no_overwrite, writable_image, write_transaction
         from mpsnet_core.io.image_writing import write_mask, write_picture_bands
         from mpsnet_core.scene.pictures import mask_bands
@@ -254,7 +279,7 @@ class FindMask(ReadsPhotos):
             writable_image(output)
         check_no_overwrite(self.inputs(self.image, mask=self.mask), outputs)
         progress(0.0, f"reading {Path(self.image).name}")
-        image, mask, _ = self.photo_and_mask(self.image, self.mask, progress)
+        image, mask, _ = self.photo_and_mask(Source(Path(self.image), None, self.mask), progress)
         progress(0.8, f"writing {Path(self.output).name}")
         with write_transaction():
             write_mask(self.output, mask)
@@ -316,6 +341,7 @@ class Check(ReadsPhotos):
     def run(self, progress: Progress = silent) -> PhotoChecked:
         """Check the photo, and write the findings if requested."""
         from mpsnet_core.capture.photo_check import check_photo, worst
+        from mpsnet_core.capture.sources import Source
         from mpsnet_core.io.files import check_no_overwrite, prefix_errors, writable_path, write_json
         from mpsnet_core.scene.rig import has_mixing, read_rig
 
@@ -324,7 +350,7 @@ class Check(ReadsPhotos):
             check_no_overwrite(self.inputs(self.image, self.rig, mask=self.mask), [self.json])
         rig = read_rig(self.rig) if self.rig else None
         progress(0.0, f"reading {Path(self.image).name}")
-        image, mask, evidence = self.photo_and_mask(self.image, self.mask, progress, rig)
+        image, mask, evidence = self.photo_and_mask(Source(Path(self.image), rig, self.mask), progress)
         progress(0.6, "checking the photo")
         with prefix_errors(self.image):
             findings = check_photo(image, mask, rig, evidence, mixing_stated=not self.rig or has_mixing(self.rig))

@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 from mpsnet_core.arrays.robust_statistics import deviation
 from mpsnet_core.arrays.row_bands import bands
 from mpsnet_core.arrays.sampling import grid_step
-from mpsnet_core.capture.capture import Capture
+from mpsnet_core.capture.capture import WHITE_MISFIT, Capture
 from mpsnet_core.estimate.distant_lights import lights_in
 
 log = logging.getLogger(__name__)
@@ -123,10 +123,7 @@ def normalise_by_white_photo(capture: Capture) -> Capture:
     if fit is None:
         return replace(capture, white=None, white_clipped=None)
     if capture.white_light is None and (fit.spread > OTHER_SCENE or _share_in_one_only(capture, fit) > MISPLACED):
-        log.warning(
-            "the white photo does not fit the photo: is it of the same pose, and under the rig's three lights turned "
-            "white? if one lamp lit it, say where that was (--white-light)"
-        )
+        log.warning(WHITE_MISFIT)
     image = np.zeros_like(capture.image)
     for rows in bands(len(image)):
         photo, white = capture.image[rows].astype(np.float32, copy=False), capture.white[rows]

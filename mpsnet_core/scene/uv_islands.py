@@ -29,6 +29,11 @@ class Islands:
     seam_islands: NDArray[np.int32]
     """(E, 2). The island on either side."""
 
+    @property
+    def count(self) -> int:
+        """The number of islands."""
+        return int(self.of_triangle.max()) + 1
+
 
 def islands_of(mesh: Mesh) -> Islands:
     """A mesh's islands. Vertices at the same point, which some files split at seams, are merged. An edge of more than

@@ -41,7 +41,8 @@ def grey(balls, tmp_path):
 
 
 def test_lights_and_mixing_are_found_and_used_from_then_on(scene, tmp_path, mirror, grey):
-    bpy.ops.mps.calibrate_lights(ball=mirror, output=str(tmp_path / "rig.json"))
+    bpy.ops.mps.calibrate_lights(ball=mirror, lens=800, output=str(tmp_path / "rig.json"))
+    assert scene.mps.estimate.lens == 800  # the same camera takes the photo
     calibrate = scene.mps.calibrate
     rows = [line.split("|") for line in calibrate.summary.splitlines()]
     assert [row[0] for row in rows] == ["", "Red", "Green", "Blue"]

@@ -13,7 +13,6 @@ from mpsnet_core.errors import InputError
 from mpsnet_core.estimate.sequence.source import Masks
 from mpsnet_core.estimate.sequence.video import read_video_header, video_frames, video_outputs
 from mpsnet_core.io.files import VIDEO_DECODER
-from mpsnet_core.io.image import srgb_to_linear
 
 av = pytest.importorskip("av")
 
@@ -71,15 +70,6 @@ def test_every_frame_comes_out_in_order(header, tmp_path, name, codec, kind, dep
         assert (image.alpha is None) == (kind != "rgba") and image.clip == 1.0
         if image.alpha is not None:
             np.testing.assert_allclose(image.alpha, cover, atol=1e-5)
-
-
-def test_values_are_assumed_to_be_srgb(header, tmp_path):
-    given = np.tile(np.arange(WIDTH, dtype=np.uint8)[:, None] * 6, (HEIGHT, 1, 3))
-    video = header(clip(tmp_path / "a.mkv", [given], "ffv1", "bgr0", 24))
-    [frame] = video_frames(
-        video, video_outputs(video.path, tmp_path, ".png"), masks=Masks(), like=Source(video.path, None)
-    )
-    np.testing.assert_allclose(frame.source.photo().pixels, srgb_to_linear(given / 255), atol=4e-5)
 
 
 def test_what_is_no_video_gets_one_sentence(header, tmp_path):

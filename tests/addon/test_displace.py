@@ -10,8 +10,6 @@ from mathutils.bvhtree import BVHTree
 
 from blender_addon.appearance.modifiers import move_by_modifier
 from blender_addon.appearance.nodes import DISPLACEMENT_NODE, find_node
-from blender_addon.panels.heights import MPS_PT_displace
-from blender_addon.settings.record import notes_of
 from mpsnet_core.io.image_writing import write_image
 from mpsnet_core.scene.normal_encoding import encode
 
@@ -28,7 +26,6 @@ from .test_bake_against_blender import (
     simplified,
     with_materials,
 )
-from .test_steps import Kind, stands
 
 SIZE = 512
 
@@ -149,20 +146,6 @@ def worn(estimated, scene, tmp_path):
     return estimated
 
 
-@pytest.mark.parametrize("method", ["MATERIAL", "MODIFIER"])
-def test_a_material_without_an_output_is_passed_over(worn, scene, tmp_path, method):
-    bare = worn.material_slots[0].material.copy()
-    bare.name = "Bare"
-    bare.node_tree.nodes.remove(bare.node_tree.get_output_node("ALL"))
-    worn.data.materials.append(bare)
-    worn.data.materials.append(other := worn.material_slots[0].material.copy())
-    bpy.ops.mps.displace(method=method, output=str(tmp_path / "height.png"))
-    assert ('Material "Bare" has no Material Output and is not displaced' in notes_of(scene, "displace")) == (
-        method == "MATERIAL"
-    )
-    assert ("MPS Displacement" in other.node_tree.nodes) == (method == "MATERIAL")
-
-
 def worn_normal(material):
     """The name of the node that is the shader's normal, None where there is none."""
     shader = shader_of(material.node_tree)
@@ -210,15 +193,6 @@ def test_the_subdivided_faces_are_shaded_as_the_mesh_is(worn, scene, tmp_path, o
     assert len(normals) == len(middles)
     expected = np.array(middles) / np.linalg.norm(middles, axis=1, keepdims=True)
     assert np.abs(normals - expected[:, None]).max(axis=-1).min(axis=1).max() < 0.02  # one of its corners is there
-
-
-def test_without_a_subdivision_the_normal_map_stays_as_it_is(worn, scene, tmp_path):
-    (slot,) = worn.material_slots
-    bpy.ops.mps.displace(levels=0, output=str(tmp_path / "h.exr"))
-    assert worn_normal(slot.material) == "MPS Normal" and not (tmp_path / "h_normal.exr").exists()
-    assert not slot.material.cycles.use_bump_map_correction
-    bpy.ops.mps.bake(output=str(tmp_path / "again.png"))
-    assert slot.material.cycles.use_bump_map_correction
 
 
 def test_the_subdivision_comes_before_the_displacement(worn, scene, tmp_path):
@@ -283,15 +257,6 @@ def test_udim_tiles_displace_as_one_texture_does(estimated, scene, tmp_path):
     assert rendered_difference(tiled_look, look) < 1e-3  # 0.03 without the displacement
 
 
-def test_displacing_a_duplicate_leaves_the_original_alone(worn, scene, tmp_path):
-    bpy.ops.mps.displace(method="MODIFIER", levels=0, output=str(tmp_path / "first.exr"))
-    bpy.ops.object.duplicate()
-    copy = bpy.context.object
-    bpy.ops.mps.displace(target=copy.name, method="MODIFIER", levels=0, output=str(tmp_path / "second.exr"))
-    shown = [Path(one.modifiers["MPS Displace"].texture.image.filepath).name for one in (worn, copy)]
-    assert shown == ["first.exr", "second.exr"]
-
-
 def test_a_linked_duplicate_without_a_material_gets_one_of_its_own(worn, scene, tmp_path):
     for material in list(bpy.data.materials):
         bpy.data.materials.remove(material)
@@ -354,26 +319,6 @@ def test_a_displacement_stays_under_a_bake_in_object_space(worn, scene, tmp_path
     material, displacement, _, modifiers = nodes_and_modifiers(worn)
     assert worn_normal(material) == "MPS Normal" and len(displacement) == 1
     assert modifiers == ["WEIGHTED_NORMAL", "SUBSURF"]
-
-
-def test_the_texture_that_counts_is_the_one_that_the_target_wears(worn, scene, tmp_path):
-    """Not the one that was baked last, onto whatever."""
-    bpy.ops.mps.displace(target=worn.name, levels=0, output=str(tmp_path / "h.exr"))
-    assert stands(MPS_PT_displace) == (Kind.DONE, "")
-    scene.mps.bake.image = bpy.data.images.new("Another object's", 8, 8)
-    assert stands(MPS_PT_displace) == (Kind.DONE, "")
-    (slot,) = worn.material_slots
-    slot.material.node_tree.nodes["MPS Texture"].image = scene.mps.bake.image
-    assert stands(MPS_PT_displace) == (Kind.OUT_OF_DATE, "Changed since: Texture")
-
-
-def test_heights_in_16_bits_move_by_as_much(worn, scene, tmp_path):
-    moved = []
-    for name in ("h.exr", "h.png"):
-        bpy.ops.mps.displace(method="MODIFIER", levels=1, output=str(tmp_path / name))
-        moved.append(world_points(worn))
-    assert np.ptp(scene.mps.displace.image.pixels[:]) > 0.5  # black to white
-    assert np.abs(moved[0] - moved[1]).max() < 1e-4
 
 
 def test_a_texture_in_object_space_stays(estimated, scene, tmp_path):

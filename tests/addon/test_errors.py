@@ -191,16 +191,6 @@ def test_the_command_line_gives_exit_code_2_and_the_sentence(scene, capfd, tmp_p
         assert captured.startswith("mpsnet: ") and sentence in captured and "\n" not in captured
 
 
-def test_the_command_line_has_every_setting_with_its_tooltip(capfd):
-    for verb in ("add_rig", "render_photo", "open_photo", "estimate", "bake", "render_samples"):
-        assert main([verb.replace("_", "-"), "--help"]) == 0
-        text = " ".join(capfd.readouterr().out.split())
-        for setting in getattr(bpy.ops.mps, verb).get_rna_type().properties:
-            if setting.identifier != "rna_type" and not setting.is_hidden:
-                assert f"--{setting.identifier.replace('_', '-')}" in text
-                assert setting.description.split(".")[0][:30] in text
-
-
 def test_what_nobody_foresaw_is_one_sentence_that_names_a_log(sphere, tmp_path, monkeypatch, capfd):
     """To a script, and on the command line."""
 

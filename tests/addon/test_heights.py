@@ -31,12 +31,6 @@ def test_heights_are_seen_through_the_lens_that_the_normals_were_estimated_with(
         assert camera["focal"][0] == pytest.approx(64 * 50 / 36)
 
 
-def test_a_lens_that_is_given_later_is_not_that_of_normals_estimated_without(own_photo, scene, tmp_path):
-    bpy.ops.mps.estimate(output=str(tmp_path / "n.png"))
-    scene.mps.estimate.lens = 50
-    assert height(tmp_path)["projection"] == "orthographic"
-
-
 def surface(tmp_path):
     bpy.ops.mps.integrate(output=str(tmp_path / "h.exr"), faces=200)
     return bpy.context.scene.mps.estimate.mesh

@@ -14,7 +14,6 @@ from blender_addon.appearance.modifiers import move_by_modifier, subdivide
 from blender_addon.child_process.core_process import CoreProcess
 from blender_addon.child_process.simulation_caches import simulations_write_into
 from blender_addon.outputs import is_safe_to_open
-from blender_addon.panels.rig import MPS_PT_rig
 from blender_addon.panels.step import Kind
 from blender_addon.panels.text import lines, shortened
 from blender_addon.photo.background_render import rendering_blender, written_job
@@ -148,12 +147,6 @@ def test_what_nobody_could_have_set_is_as_new_in_an_opened_file(scene, tmp_path,
     opened = bpy.context.scene.mps
     assert getattr(getattr(opened, step), name) == new
     assert opened.chosen_rig == 0
-
-
-def test_a_rig_of_four_lights_is_said(sphere, scene):
-    rigged(scene).lights.add()
-    state = MPS_PT_rig.state(bpy.context)
-    assert state.kind is Kind.FAILED and "has 4 lights" in state.why
 
 
 # --- what images and nodes hold ---------------------------------------------------------------------------------------

@@ -9,7 +9,6 @@ import pytest
 
 from blender_addon.rig import light_preview as module
 from blender_addon.rig.light_preview import PIXELS, light_preview, tick
-from blender_addon.scene.objects import by_session_uid
 
 PATIENCE = 300  # seconds
 
@@ -66,13 +65,6 @@ def test_the_picture_follows_a_light_the_camera_and_the_object(lit, scene):
     assert settled()[0][..., 3].mean() == pytest.approx(covered / 8, rel=0.05)
     lit.scale.z = 2
     assert settled()[0][..., 3].mean() == pytest.approx(covered / 4, rel=0.05)
-
-
-def test_nothing_is_traced_where_nothing_moved(lit):
-    settled()
-    before = (light_preview().folder / "preview.npy").stat().st_mtime_ns
-    settled()
-    assert (light_preview().folder / "preview.npy").stat().st_mtime_ns == before
 
 
 def test_of_what_casts_a_shadow_the_bakes_target_is_no_part(lit, scene):
@@ -135,20 +127,3 @@ def test_it_ends_and_leaves_nothing(lit, scene, how, running):
     assert preview.process is None or not preview.process.running()
     assert set(bpy.data.images.keys()) == images
     assert tick() is None  # the timer ends
-
-
-def test_undo_brings_back_the_picture_of_before(lit, scene):
-    bpy.context.preferences.edit.use_global_undo = True
-    bpy.ops.ed.undo_push(message="before")
-    before = settled()[0]
-    scene.mps.rig.lights[0].object.location.y *= -1
-    bpy.ops.ed.undo_push(message="moved")
-    assert not np.array_equal(settled()[0], before)
-    bpy.ops.ed.undo()
-    assert by_session_uid(bpy.data.scenes, light_preview().scene_uid) is not None
-    assert np.array_equal(settled()[0], before)
-
-
-def test_there_has_to_be_a_rig(sphere):
-    with pytest.raises(RuntimeError, match="Add a rig first"):
-        bpy.ops.mps.light_preview()

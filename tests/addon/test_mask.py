@@ -86,50 +86,6 @@ def test_a_painted_mask_is_used_as_it_is_painted(on_grey, scene, tmp_path, rubbe
     np.testing.assert_array_equal(read_normals(tmp_path / "on.exr").mask, expected)
 
 
-def test_the_mask_opens_to_be_painted_in_the_image_editor_that_is_there(on_grey, scene):
-    area = bpy.context.window.screen.areas[0]
-    before = area.type
-    area.type = "IMAGE_EDITOR"
-    try:
-        bpy.ops.mps.paint_mask()
-        editor = area.spaces.active
-        assert (editor.image, editor.ui_mode) == (scene.mps.estimate.painted_mask, "PAINT")
-    finally:
-        area.type = before
-
-
-def test_a_painted_mask_that_is_not_there_is_asked_for(on_grey, scene):
-    for verb in (bpy.ops.mps.estimate, bpy.ops.mps.show_mask):
-        with pytest.raises(RuntimeError, match="no mask is painted for this; press Paint Mask"):
-            verb(mask="PAINTED")
-
-
-def test_a_background_photo_that_is_not_named_is_asked_for(on_grey):
-    with pytest.raises(RuntimeError, match="background photo but none is named"):
-        bpy.ops.mps.show_mask(mask="BACKGROUND")
-
-
-def test_dark_and_flat_frames_reach_the_estimate(photographed, scene, tmp_path):
-    """A photo with light of the room and a lens that darkens to one side, and the frames that tell of both."""
-    ideal = read_image(tmp_path / "photo.exr")
-    fall = np.linspace(0.4, 1.0, 96, dtype=np.float32)[None, :, None]
-    room = np.float32([0.05, 0.02, 0.08])
-    write_image(tmp_path / "flat.exr", np.broadcast_to(fall, (96, 96, 3)) + room)
-    write_image(tmp_path / "dark.exr", np.broadcast_to(room, (96, 96, 3)))
-    write_image(tmp_path / "mask.png", ideal.alpha > 0.5, bits=8)
-    write_image(tmp_path / "shot.exr", ideal.pixels * fall + room)
-    options = {"model": "LAMBERTIAN", "mask": "FILE", "mask_file": str(tmp_path / "mask.png")}
-    bpy.ops.mps.estimate(**options, output=str(tmp_path / "expected.exr"))
-    bpy.ops.mps.open_photo(filepath=str(tmp_path / "shot.exr"))
-    bpy.ops.mps.estimate(output=str(tmp_path / "raw.exr"))
-    frames = {"dark": str(tmp_path / "dark.exr"), "flat": str(tmp_path / "flat.exr")}
-    bpy.ops.mps.estimate(**frames, output=str(tmp_path / "corrected.exr"))
-    expected, raw, corrected = (read_normals(tmp_path / f"{n}.exr").vectors for n in ("expected", "raw", "corrected"))
-    mask = ideal.alpha > 0.99
-    assert np.abs(raw - expected)[mask].max() > 0.1
-    assert np.abs(corrected - expected)[mask].max() < 1e-3
-
-
 def test_unasked_a_photo_without_alpha_has_its_object_found_and_one_with_alpha_keeps_that(on_grey, scene, tmp_path):
     bpy.ops.mps.estimate(model="LAMBERTIAN", output=str(tmp_path / "found.exr"))
     assert overlap(read_normals(tmp_path / "found.exr").mask, on_grey) > 0.95

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 from flat_weave import Weave
 
-from blender_addon.commands import main
 from mpsnet_core import published_rig, read_image, write_image, write_rig
 from mpsnet_core.arrays.unit_vectors import normalised
 from mpsnet_core.io.image_reading import read_channel
@@ -55,20 +54,6 @@ def test_the_plane_has_the_tiles_size_and_the_pictures_their_colour_spaces(opene
     assert displacement["Scale"].default_value == pytest.approx(np.ptp(height) / 1000, rel=1e-3)
     assert displacement["Midlevel"].default_value == pytest.approx(-height.min() / np.ptp(height), abs=1e-3)
     assert scene.mps.material.image is not None and "mm deep" in scene.mps.material.summary
-
-
-def test_repeats_and_the_scenes_unit_are_respected(opened, scene):
-    bpy.ops.mps.make_material(width=0.054, output=str(opened / "out"))
-    metres, plane = plane_size(scene.mps.material.plane), scene.mps.material.plane
-    scene.unit_settings.scale_length = 0.01
-    bpy.ops.mps.make_material(width=5.4, repeats=3, relief="DISPLACEMENT", output=str(opened / "out"))
-    assert scene.mps.material.plane == plane and len(plane.data.materials) == 1
-    assert np.allclose(plane_size(plane), 300 * metres, rtol=1e-4)
-    uvs = np.array([tuple(corner.vector) for corner in plane.data.uv_layers["UVMap"].uv])
-    assert uvs.max() == 3 and len(plane.data.uv_layers) == 1
-    nodes = plane.data.materials[0].node_tree.nodes
-    height = read_channel(opened / "out" / "weave_height_mm.exr")
-    assert nodes["MPS Flat Displacement"].inputs["Scale"].default_value == pytest.approx(np.ptp(height) / 10, rel=1e-3)
 
 
 def shown_by(material):
@@ -119,19 +104,6 @@ def test_what_the_artist_put_there_stays(opened, scene):
         assert plane.data.materials[0] == other and scene.mps.material.plane != plane
         assert list(scene.mps.material.plane.data.materials) == [made]
     assert len(own.node_tree.nodes) == before and len(made.node_tree.nodes) == count
-
-
-def test_what_else_lies_in_the_material_can_be_baked_and_displaced(opened, scene, estimated):
-    """The nodes of the other steps have names of their own."""
-    bpy.ops.mps.open_photo(filepath=str(opened / "weave.exr"))
-    bpy.ops.mps.make_material(width=0.054, output=str(opened / "out"))
-    (made,) = scene.mps.material.plane.data.materials
-    bpy.data.objects.remove(scene.mps.material.plane)
-    estimated.data.materials[0] = made
-    bpy.ops.mps.bake(target=estimated.name, size=32, output=str(opened / "texture.png"))
-    bpy.ops.mps.displace(target=estimated.name, levels=0, output=str(opened / "h.exr"))
-    assert shown_by(made) == {"out", opened.name}
-    assert Path(made.node_tree.nodes["MPS Flat Height"].image.filepath).name == "weave_height.png"
 
 
 def test_the_relief_is_shown_once(opened, scene):
@@ -202,14 +174,6 @@ def test_the_width_of_a_rendered_photo_is_known(scene, tmp_path):
     )
     tile = math.floor((128 - 2 * margin) / 1.2) / 128 * seen
     assert np.allclose(plane_size(scene.mps.material.plane), tile, rtol=1e-3)
-
-
-def test_a_command_does_the_same(opened, scene, capsys):
-    output = opened / "out"
-    assert main(["make-material", "--width", "0.054", "--size", "128", "--output", str(output)]) == 0
-    told = capsys.readouterr().out
-    assert "make-material done: " in told and str(output / "weave_preview.png") in told
-    assert read_channel(output / "weave_height.png").shape == (128, 128)
 
 
 def test_what_is_missing_is_reported(opened, scene):

@@ -34,9 +34,3 @@ def test_a_still_is_averaged_unless_set_otherwise(photographed, scene, tmp_path)
     np.testing.assert_array_equal(estimated(model="MULTISCALE_QUICK", average_passes=True).vectors, once.vectors)
     scene.mps.estimate.model = "MULTISCALE_INT8"
     assert scene.mps.estimate.model == "MULTISCALE_QUICK"
-
-
-def test_a_network_that_is_not_offered_still_estimates(photographed, scene, tmp_path):
-    scene.mps.estimate.model = "DEMULTIPLEXER"
-    bpy.ops.mps.estimate(output=str(tmp_path / "normals.png"))
-    assert scene.mps.estimate.image is not None and (tmp_path / "normals.png").exists()

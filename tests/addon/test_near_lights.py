@@ -59,23 +59,3 @@ def test_lights_at_one_and_a_half_times_the_objects_size_cost_the_baseline_littl
     assert error(tmp_path, truth, lit) > 10 * near
     write_rig(tmp_path / "distant.json", LightRig(rig.directions, rig.mixing))
     assert error(tmp_path, truth, lit, rig_file=str(tmp_path / "distant.json")) > 10 * near
-
-
-def test_lights_of_several_kinds_are_taken_as_distant(sphere, scene):
-    from blender_addon.rig.light_rig import light_rig
-
-    bpy.ops.mps.add_rig(light_type="AREA")
-    assert light_rig(scene).near is not None
-    scene.mps.rig.lights[0].object.data.type = "SUN"
-    scene.mps.rig.lights[0].object.data.energy = np.pi
-    assert light_rig(scene).near is None
-
-
-def test_a_measured_rig_of_near_lights_needs_a_camera(sphere, scene, tmp_path):
-    bpy.ops.mps.add_rig(light_type="AREA")
-    bpy.ops.mps.render_photo(width=32, height=32, samples=4, output=str(tmp_path / "photo.exr"))
-    (tmp_path / "photo.camera.json").unlink()
-    bpy.ops.mps.open_photo(filepath=str(tmp_path / "photo.exr"))
-    bpy.ops.mps.remove_rig()
-    with pytest.raises(RuntimeError, match="stand near the object, so the photo's camera counts"):
-        bpy.ops.mps.estimate(output=str(tmp_path / "n.png"))

@@ -7,8 +7,8 @@ import bpy
 import numpy as np
 import pytest
 
-from blender_addon.images import fine_preview, image_file, load_image, pixels_of
-from blender_addon.outputs import file_name, output_path, unique_name
+from blender_addon.images import image_file, pixels_of
+from blender_addon.outputs import output_path
 from blender_addon.panels.estimate import MPS_PT_estimate
 from blender_addon.panels.step import Kind
 from blender_addon.settings.record import notes_of
@@ -89,15 +89,6 @@ def test_tokens_of_a_path_are_shot_version_and_frame_of_the_file(scene, tmp_path
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "statue.blend"))
     with pytest.raises(InputError, match="nothing stands for <VERSION>"):
         output_path(given, "n", "PNG")
-
-
-def test_names_that_differ_in_their_letters_alone_are_files_of_their_own(tmp_path):
-    names = ("Bär 1.5", "Bör/1.5", "熊-1")
-    assert [output_path(f"{tmp_path}/", name, "PNG").name for name in names] == [
-        "Bär_1_5.png",
-        "Bör_1_5.png",
-        "熊-1.png",
-    ]
 
 
 def test_a_result_is_not_written_over_what_another_step_made(photographed, scene, tmp_path):
@@ -248,22 +239,3 @@ def test_beside_a_file_that_was_never_saved_is_nowhere(estimated, scene, tmp_pat
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "sub" / "mine.blend"))
     bpy.ops.mps.estimate(model="LAMBERTIAN", output="//x.png")
     assert (tmp_path / "sub" / "x.png").is_file()
-
-
-def test_a_preview_is_drawn_without_reading_the_image_itself(tmp_path):
-    """To read 4096² pixels takes half a second."""
-    picture = np.zeros((600, 1200, 3), np.float32)
-    picture[:300, :600] = 1
-    write_image(tmp_path / "wide.png", picture, bits=8)
-    image = load_image(tmp_path / "wide.png", "Wide", is_data=True)
-    fine_preview(image)
-    assert not image.has_data
-    shown = np.reshape(image.preview.image_pixels_float[:], (512, 512, 4))[::-1]
-    np.testing.assert_allclose([shown[64, 128, 0], shown[64, 384, 0], shown[192, 128, 0]], [1, 0, 0], atol=0.01)
-    assert shown[255, 5, 3] == 1 and shown[257, 5, 3] == 0
-
-
-@pytest.mark.parametrize("names", [["Cam 1", "Cam_1", "b"], ["A", "a", "A_2"], ["A", "a", "A_1", "a_1_"]])
-def test_names_that_are_one_in_a_file_name_become_unique(names):
-    unique = [file_name(unique_name(names, number)).casefold() for number in range(len(names))]
-    assert len(set(unique)) == len(names)

@@ -4,7 +4,6 @@ import bpy
 import numpy as np
 import OpenImageIO as oiio
 import pytest
-from dng import write_dng
 
 from blender_addon.image_records import origin
 from blender_addon.panels.photo import note_of_step
@@ -143,25 +142,6 @@ def test_the_bakes_target_is_left_out_where_something_else_is_in_its_place(spher
     ]
 
 
-def test_a_camera_that_blurs_the_photo_is_named(sphere, scene, tmp_path):
-    bpy.ops.mps.add_rig(projection="PERSPECTIVE")
-    given = {"width": 48, "height": 48, "samples": 8, "output": str(tmp_path / "photo.exr")}
-
-    def blurred():
-        """The share of the photo that is neither the sphere nor beside it."""
-        bpy.ops.mps.render_photo(**given)
-        alpha = read_image(tmp_path / "photo.exr").alpha
-        return np.mean((alpha > 0.02) & (alpha < 0.98))
-
-    sharp = blurred()
-    assert notes_of(scene, "render_photo") == []
-    focus = scene.mps.rig.camera.data.dof
-    focus.use_dof, focus.focus_distance, focus.aperture_fstop = True, 0.5, 0.1
-    assert blurred() > 2 * sharp
-    (note,) = notes_of(scene, "render_photo")
-    assert note.startswith('"MPS Camera" has depth of field on')
-
-
 def test_a_photo_that_would_show_nothing_is_refused_and_the_one_before_it_stays(sphere, scene, tmp_path):
     """The object is hidden from renders, or the camera looks past it; in an animation, in all frames."""
     bpy.ops.mps.add_rig()
@@ -254,21 +234,6 @@ def test_a_photo_of_a_camera_that_was_turned_is_shown_as_it_is_read(scene, tmp_p
     assert origin(image) == path
 
 
-def test_raw_photos_that_are_called_the_same_are_two(scene, tmp_path):
-    """Each camera of a studio counts from IMG_0001."""
-    photos = [tmp_path / folder / "IMG_0001.dng" for folder in ("left", "right")]
-    for photo, value in zip(photos, (10000, 40000), strict=True):
-        photo.parent.mkdir()
-        write_dng(photo, np.full((48, 64), value, np.uint16))
-    bpy.ops.mps.open_photo(filepath=str(photos[0]))
-    first = scene.mps.photo.image
-    bpy.ops.mps.new_rig()
-    bpy.ops.mps.open_photo(filepath=str(photos[1]))
-    second = scene.mps.photo.image
-    assert [origin(first), origin(second)] == photos
-    assert np.mean(second.pixels) > np.mean(first.pixels) + 0.1
-
-
 def small_photo(tmp_path):
     bpy.ops.mps.render_photo(width=16, height=16, samples=1, output=str(tmp_path / "photo.exr"))
 
@@ -322,15 +287,6 @@ def test_a_light_within_a_collection_instance_is_refused(sphere, tmp_path):
     small_photo(tmp_path)
 
 
-def test_a_glowing_material_within_a_collection_instance_is_refused(sphere, tmp_path):
-    bpy.ops.mps.add_rig()
-    mesh = sphere.data.copy()
-    mesh.materials[0] = glowing()
-    collection_instance(bpy.data.objects.new("Bulb", mesh))
-    with pytest.raises(RuntimeError, match=r'material "Lamp" of "Instance" glows'):
-        small_photo(tmp_path)
-
-
 def test_a_glowing_material_that_geometry_nodes_set_is_refused(sphere, tmp_path):
     bpy.ops.mps.add_rig()
     tree = bpy.data.node_groups.new("Glow", "GeometryNodeTree")
@@ -344,30 +300,6 @@ def test_a_glowing_material_that_geometry_nodes_set_is_refused(sphere, tmp_path)
     sphere.modifiers.new("Glow", "NODES").node_group = tree
     with pytest.raises(RuntimeError, match=r'material "Lamp" of "Sphere" glows'):
         small_photo(tmp_path)
-
-
-def test_a_collection_within_an_excluded_one_is_in_the_photo(sphere, scene, tmp_path):
-    outer, inner = bpy.data.collections.new("Outer"), bpy.data.collections.new("Inner")
-    scene.collection.children.link(outer)
-    outer.children.link(inner)
-    inner.objects.link(sphere)
-    scene.collection.objects.unlink(sphere)
-    sphere.select_set(True)
-    bpy.ops.mps.add_rig()
-    layer = scene.view_layers[0].layer_collection.children["Outer"]
-    layer.exclude = True
-    with pytest.raises(RuntimeError, match="the photo is completely transparent"):
-        small_photo(tmp_path)
-    layer.children["Inner"].exclude = False
-    small_photo(tmp_path)
-    assert pixels(tmp_path / "photo.exr")[..., 3].mean() > 0.5
-    for state in ("holdout", "indirect_only"):
-        setattr(layer.children["Inner"], state, True)
-        with pytest.raises(
-            RuntimeError, match=r'"Sphere" is in the collection "Inner", which .* as holdout or indirect'
-        ):
-            small_photo(tmp_path)
-        setattr(layer.children["Inner"], state, False)
 
 
 def test_an_animation_gives_a_photo_and_normals_of_each_frame(sphere, scene, tmp_path):
@@ -419,15 +351,3 @@ def test_files_that_are_gone_are_reported_with_the_photo(sphere, scene, tmp_path
     write_image(tmp_path / "gone.png", np.zeros((4, 4, 3), np.float32))
     bpy.ops.mps.render_photo(output=str(tmp_path / "photo.exr"))
     assert not scene.mps.records["render_photo"].notes
-
-
-def test_a_photo_that_is_dropped_opens_as_the_photo(scene, tmp_path):
-    handler = bpy.types.MPS_FH_photo
-    suffixes = handler.bl_file_extensions.split(";")
-    assert {".png", ".exr", ".cr3", ".mov"} <= set(suffixes)
-    picture = bpy.data.images.new("Picture", 8, 8)
-    picture.save(filepath=str(tmp_path / "dropped.png"))
-    # As Blender calls it: with the file, as if its button had been pressed.
-    assert handler.bl_import_operator == "mps.open_photo"
-    assert bpy.ops.mps.open_photo("INVOKE_DEFAULT", filepath=str(tmp_path / "dropped.png")) == {"FINISHED"}
-    assert scene.mps.photo.image.name == "dropped"

@@ -4,11 +4,10 @@ import bpy
 import numpy as np
 import pytest
 from bpy_extras.object_utils import world_to_camera_view
-from mathutils import Euler, Matrix, Vector
+from mathutils import Euler, Matrix
 
 from blender_addon.panels.photo import MPS_PT_align
-from blender_addon.photo.markers import colour_of
-from blender_addon.photo.places import mesh_point, photo_pixel, photo_place, seen_at
+from blender_addon.photo.places import mesh_point, seen_at
 from mpsnet_core.io.image_writing import write_image
 
 REGION = (640, 360)
@@ -59,25 +58,6 @@ def test_a_click_finds_what_is_seen_there_and_it_is_drawn_where_it_was_clicked(v
         np.testing.assert_allclose(seen_at(found, matrix, REGION), place, atol=0.02)
     assert front > 50 and hidden > 50
     assert mesh_point(monkey, depsgraph, matrix, REGION, (2, 2)) is None
-
-
-def test_what_is_behind_the_viewer_is_drawn_nowhere(view):
-    _, camera, matrix = view
-    behind = camera.matrix_world @ Vector((0, 0, 1))
-    assert (seen_at(behind, matrix, REGION) is None) == (camera.data.type == "PERSP")
-
-
-def test_pixels_are_counted_from_the_photos_upper_left_corner():
-    assert photo_pixel((0, 1), (320, 256)) == (0, 0)
-    assert photo_pixel((1, 0), (320, 256)) == (320, 256)
-    assert photo_place(photo_pixel((0.25, 0.75), (320, 256)), (320, 256)) == (0.25, 0.75)
-
-
-def test_a_pair_is_coloured_by_how_far_it_is_off_for_the_photos_size():
-    small, large = (1024, 768), (4096, 3072)
-    open_, fits, off, wrong = (colour_of(one, small) for one in (-1, 2, 8, 20))
-    assert len({open_, fits, off, wrong}) == 4
-    assert colour_of(8, large) == fits and colour_of(40, large) == off
 
 
 def test_a_script_and_a_panel_with_too_few_points_are_reported_what_to_do(scene, tmp_path):

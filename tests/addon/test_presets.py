@@ -1,7 +1,5 @@
 """Presets: the same relief, lit from the same side, in a Blender that knows nothing of the bake; and glTF."""
 
-import json
-import struct
 import subprocess
 import sys
 from pathlib import Path
@@ -15,7 +13,7 @@ from blender_addon.image_records import remember
 from blender_addon.images import load_image
 from mpsnet_core import read_image, write_camera, write_normals
 
-from .rendering import array_of, matte
+from .rendering import matte
 from .test_bake_against_blender import (
     add_sun,
     camera_at,
@@ -109,27 +107,6 @@ def test_the_file_is_named_and_written_as_the_preset_says(seen, scene, tmp_path,
     assert (settings.space, settings.file_format, settings.bits) == ("TANGENT", "PNG", kind.removeprefix("uint"))
 
 
-def test_a_folder_gets_the_texture_by_the_presets_name(seen, scene, tmp_path):
-    (tmp_path / "there").mkdir()
-    bpy.ops.mps.bake(preset="UNREAL", size=32, output=str(tmp_path / "there"))
-    bpy.ops.mps.bake(size=32, output=f"{tmp_path / 'new'}/")
-    seen.data.materials[0].name = "Bark"
-    bpy.ops.mps.bake(size=32, split="MATERIAL", output=f"{tmp_path / 'new'}/")
-    written = sorted(str(file.relative_to(tmp_path)) for file in tmp_path.rglob("*_N.png"))
-    assert written == ["new/T_Bark_N.png", "new/T_Old_Oak_N.png", "there/T_Old_Oak_N.png"]
-
-
-def test_what_is_set_after_or_beside_the_preset_wins(seen, scene, tmp_path):
-    settings = scene.mps.bake
-    settings.preset = "UNREAL"
-    assert settings.convention == "DIRECTX"
-    settings.convention = "OPENGL"
-    bpy.ops.mps.bake(size=32, output=str(tmp_path / "a.png"))
-    assert (settings.preset, settings.convention) == ("UNREAL", "OPENGL")
-    bpy.ops.mps.bake(size=32, preset="UNREAL", bits="8", output=str(tmp_path / "b.png"))
-    assert (settings.convention, settings.bits) == ("DIRECTX", "8")
-
-
 def test_a_format_that_cannot_hold_the_presets_depth_takes_its_own(seen, scene, tmp_path):
     settings = scene.mps.bake
     settings.preset = "GLTF"
@@ -140,66 +117,3 @@ def test_a_format_that_cannot_hold_the_presets_depth_takes_its_own(seen, scene, 
     assert settings.bits == "32"
     settings.file_format = "PNG"
     assert settings.bits == "AUTO"
-
-
-def glb(path: Path) -> tuple[dict, bytes]:
-    """The JSON and the binary chunk of a GLB file."""
-    data = path.read_bytes()
-    assert data[:4] == b"glTF"
-    length, kind = struct.unpack("<I4s", data[12:20])
-    assert kind == b"JSON"
-    return json.loads(data[20 : 20 + length]), data[20 + length + 8 :]
-
-
-def accessor(scene: dict, binary: bytes, number: int) -> np.ndarray:
-    described = scene["accessors"][number]
-    view = scene["bufferViews"][described["bufferView"]]
-    assert described["componentType"] == 5126 and "byteStride" not in view  # packed float32
-    width = {"VEC2": 2, "VEC3": 3, "VEC4": 4}[described["type"]]
-    start = view.get("byteOffset", 0) + described.get("byteOffset", 0)
-    return np.frombuffer(binary, np.float32, described["count"] * width, start).reshape(-1, width)
-
-
-def test_blenders_gltf_exporter_takes_the_texture_along_as_it_is(seen, scene, tmp_path):
-    seen.data.uv_layers.new(name="Second")  # the bake's UV map is not the only one
-    bpy.ops.mps.bake(preset="GLTF", size=128, output=str(tmp_path / "oak.png"))
-    bpy.data.objects["Detailed"].hide_set(True)
-    bpy.ops.object.select_all(action="DESELECT")
-    seen.select_set(True)
-    bpy.ops.export_scene.gltf(filepath=str(tmp_path / "oak.glb"), use_selection=True, export_tangents=True)
-    exported, binary = glb(tmp_path / "oak.glb")
-    (material,) = exported["materials"]
-    texture = material["normalTexture"]
-    assert texture.get("scale", 1) == 1 and "extensions" not in texture
-    image = exported["images"][exported["textures"][texture["index"]]["source"]]
-    assert image["mimeType"] == "image/png"
-    view = exported["bufferViews"][image["bufferView"]]
-    start = view.get("byteOffset", 0)
-    (tmp_path / "exported.png").write_bytes(binary[start : start + view["byteLength"]])
-    ours, theirs = (read_image(tmp_path / name, encoding="linear").pixels for name in ("oak.png", "exported.png"))
-    assert np.array_equal(ours, theirs)
-
-    attributes = exported["meshes"][0]["primitives"][0]["attributes"]
-    uvs = accessor(exported, binary, attributes[f"TEXCOORD_{texture.get('texCoord', 0)}"])
-    points, tangents = (accessor(exported, binary, attributes[name]) for name in ("POSITION", "TANGENT"))
-    mesh = seen.data
-    mesh.calc_tangents(uvmap=mesh.uv_layers[0].name)
-    vertex = array_of(mesh.loops, "vertex_index", 1, np.int32).ravel()
-    corners = array_of(mesh.vertices, "co", 3)[vertex]
-    expected = np.hstack([array_of(mesh.loops, "tangent", 3), array_of(mesh.loops, "bitangent_sign", 1)])
-
-    def keyed(places: np.ndarray, uv: np.ndarray) -> list[tuple]:
-        return [tuple(row) for row in np.round(np.hstack([places, uv]).astype(np.float64), 3).tolist()]
-
-    # glTF's y is up, and its v points down the picture.
-    of_corner = dict(
-        zip(keyed(corners, array_of(mesh.uv_layers[0].uv, "vector", 2)), expected, strict=True),
-    )
-    back = points[:, [0, 2, 1]] * [1, -1, 1]
-    found = [of_corner.get(key) for key in keyed(back, uvs * [1, -1] + [0, 1])]
-    known = np.array([one is not None for one in found])
-    assert known.mean() > 0.98  # the others are rounded the other way
-    blenders = np.array([one for one in found if one is not None])
-    turned = tangents[known][:, [0, 2, 1]] * [1, -1, 1]
-    close = (turned * blenders[:, :3]).sum(1) > 0.99
-    assert close.mean() > 0.97 and (tangents[known][:, 3] == blenders[:, 3]).mean() > 0.97

@@ -105,11 +105,6 @@ def test_dropping_takes_one_rig_away_and_keeps_the_other(two_rigs, estimated, sc
         bpy.ops.mps.drop_rig()
 
 
-def test_a_rig_that_is_not_there(estimated):
-    with pytest.raises(RuntimeError, match="there is no rig 3"):
-        bpy.ops.mps.choose_rig(index=3)
-
-
 def test_rigs_without_normals_are_named_when_all_rigs_are_baked(two_rigs, scene, tmp_path):
     scene.mps.rigs[0].estimate.image = None
     bpy.ops.mps.bake(size=16, all_rigs=True, output=str(tmp_path / "texture.png"))
@@ -178,11 +173,6 @@ def test_a_rig_that_fails_is_named_and_what_was_done_before_stays(two_rigs, scen
     assert not error_of(scene, "render_photo")
 
 
-def test_a_scene_with_one_rig_has_all_rigs_in_it(photographed, scene):
-    bpy.ops.mps.estimate(all_rigs=True)
-    assert scene.mps.estimate.image is not None
-
-
 def test_a_script_goes_through_a_ring_of_rigs_as_the_documentation_has_it(sphere, scene, tmp_path, capfd):
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "ring.blend"))
     scene = bpy.context.scene
@@ -227,10 +217,3 @@ def test_a_ring_of_rigs_looks_at_the_object_from_all_around(sphere, scene):
         np.testing.assert_allclose(light_rig(scene).slants, 30, atol=1e-3)
     bpy.ops.mps.add_rig_ring(count=2)
     assert len(scene.mps.rigs) == 6
-
-
-def test_a_ring_around_nothing_makes_no_rig(scene):
-    bpy.ops.object.empty_add()
-    with pytest.raises(RuntimeError, match="no selected object has a surface"):
-        bpy.ops.mps.add_rig_ring()
-    assert not scene.mps.rigs and len(bpy.data.objects) == 1

@@ -15,7 +15,7 @@ from mpsnet_core.errors import InputError
 from mpsnet_core.scene.camera import Camera
 from mpsnet_core.scene.rig import published_rig
 from mpsnet_core.synthesis.cycles import sample_from_cycles
-from mpsnet_core.synthesis.scene_description import Bump, Dirt, Material, Paint, Pattern, SceneDescription
+from mpsnet_core.synthesis.scene_description import Bump, Material, Pattern, SceneDescription
 from mpsnet_core.synthesis.shading.pattern import material_weights
 from mpsnet_core.synthesis.shapes.shape import Shape, joined, smooth_shape
 
@@ -164,19 +164,6 @@ def test_materials_of_a_random_pattern_have_their_share(kind, tmp_path):
     assert np.abs(shown[inside].sum(axis=1) / whole - 1).mean() < 0.02
 
 
-def test_paint_varies_colours_softly_and_dirt_covers_its_share(tmp_path):
-    painted = recipe(paint=Paint(amount=0.6, hue=1.0, scale=4.0, seed=3), dirt=Dirt(0.3, (0.0, 0.0, 0.0), 6.0, seed=5))
-    sample = render_sample(painted, sphere(), 16, tmp_path / "sample.exr")
-    inside = sample.mask & (sample.lit.min(axis=0) == 1)
-    albedo = (
-        sample.lights.sum(axis=0)[inside] / (sample.normals[inside] @ painted.light_directions.sum(axis=0))[:, None]
-    )
-    assert 0.55 * 0.8 < albedo.mean() < 0.85 * 0.8 and (albedo.max(axis=1) < 0.02).mean() > 0.05
-    clean = albedo[albedo.max(axis=1) > 0.3] / 0.8
-    assert clean.std(axis=0).min() > 0.05 and clean.std(axis=0).max() < 0.4
-    assert np.corrcoef(clean.T)[np.triu_indices(3, 1)].max() < 0.8
-
-
 def test_the_bump_is_in_the_normals(tmp_path):
     bumpy = recipe(bump=Bump(height=0.01, scale=8.0, seed=2))
     sample = render_sample(bumpy, sphere(), 64, tmp_path / "sample.exr")
@@ -237,26 +224,10 @@ def test_the_same_recipe_gives_the_same_picture_and_leaves_nothing_behind(tmp_pa
     assert held() == counts
 
 
-@pytest.mark.parametrize("denoise", [False, True])
-def test_a_folder_may_have_braces_in_its_name(denoise, tmp_path):
-    folder = tmp_path / "run {1} {name}"
-    folder.mkdir()
-    small = recipe(bounces=1, camera=camera("orthographic", size=16))
-    assert render_sample(small, sphere(), 4, folder / "s.exr", denoise=denoise).mask.any()
-    assert not list(folder.iterdir())
-
-
 def held() -> dict[str, int]:
     """How many of each kind of data Blender holds."""
     kinds = [name for name in dir(bpy.data) if isinstance(getattr(bpy.data, name), bpy.types.bpy_prop_collection)]
     return {kind: len(getattr(bpy.data, kind)) for kind in kinds}
-
-
-def test_a_measured_material_is_refused(tmp_path):
-    with pytest.raises(InputError, match=r'Cycles cannot render the measured material "alum.binary"'):
-        told = recipe(materials=(Material(kind="merl", source="alum.binary"),))
-        render_sample(told, sphere(rings=4), 4, tmp_path / "sample.exr")
-    assert "MPS Sample" not in bpy.data.scenes and not bpy.data.materials
 
 
 # --- the scene's own objects ------------------------------------------------------------------------------------------
@@ -328,14 +299,6 @@ def test_own_objects_are_brought_to_unit_size_with_their_own_materials(scene_fil
 def test_objects_that_cannot_be_shown(names, sentence, scene_file):
     with pytest.raises(InputError, match=sentence):
         open_objects(scene_file, names)
-
-
-def test_a_scene_file_that_is_none(tmp_path):
-    with pytest.raises(InputError, match=r"scene .*scene.blend does not exist"):
-        open_objects(tmp_path / "scene.blend", ("Cube",))
-    (tmp_path / "scene.blend").write_text("none")
-    with pytest.raises(InputError, match=r"scene.blend cannot be opened"):
-        open_objects(tmp_path / "scene.blend", ("Cube",))
 
 
 # --- the file that Blender writes -------------------------------------------------------------------------------------

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from blender_addon.bake.animated_mesh import AnimatedMesh
-from blender_addon.images import frame_pattern
 from blender_addon.scene.mesh_file import begin_mesh
 from blender_addon.settings.record import notes_of
 from mpsnet_core.errors import InputError
@@ -97,12 +96,6 @@ def test_a_video_becomes_a_sequence_of_normals(shots, scene, tmp_path):
     estimate = scene.mps.estimate
     assert (estimate.image.source, estimate.first_frame, estimate.last_frame) == ("SEQUENCE", 1, 4)
     assert len(list(next(tmp_path.glob("*_Scene_normals")).iterdir())) == 4
-
-
-def test_a_photo_without_a_number_is_no_frame(shots, scene, tmp_path):
-    write_image(tmp_path / "photo.exr", ball(20, published_rig().directions))
-    with pytest.raises(RuntimeError, match="has no number in its name"):
-        bpy.ops.mps.open_photo(filepath=str(tmp_path / "photo.exr"), sequence=True)
 
 
 @pytest.fixture
@@ -204,26 +197,3 @@ def test_what_is_deleted_while_frames_are_read_is_reported(waving, tmp_path, gon
     bpy.data.objects.remove(bpy.data.objects["Grid" if gone == "target" else "Camera"])
     with pytest.raises(InputError, match=f"the {gone} was deleted before all frames were read; undo that"):
         list(slices)
-
-
-@pytest.mark.parametrize(
-    ("names", "opened", "pattern"),
-    [
-        (["a_0008.png", "a_0009.png"], "a_0009.png", "a_####.png"),
-        (["a_8.png", "a_100.png", "a_1000.png"], "a_100.png", "a_*.png"),
-        (["a_100.png", "a_999.png", "b_1.png", "a_100_x.png"], "a_999.png", "a_###.png"),
-        (["take2_7_v3.png", "take2_7_v4.png"], "take2_7_v3.png", "take2_7_v#.png"),
-    ],
-)
-def test_all_frames_are_those_with_the_same_name_but_for_the_number(tmp_path, names, opened, pattern):
-    for name in names:
-        (tmp_path / name).touch()
-    assert frame_pattern(tmp_path / opened).name == pattern
-
-
-def test_frames_have_no_confidence_map_and_a_white_photo_is_reported_to_be_of_no_use(shots, scene, tmp_path):
-    bpy.ops.mps.open_photo(filepath=str(shots / "shot_0008.exr"), sequence=True)
-    settings = {"rig_file": str(tmp_path / "rig.json"), "white": str(shots / "shot_0008.exr"), "albedo": True}
-    bpy.ops.mps.estimate(model="LAMBERTIAN", confidence=True, **settings)
-    assert len(list(next(tmp_path.glob("*_Scene_normals")).iterdir())) == 4
-    assert "shot_0008.exr not used: a white photo goes with one still photo" in scene.mps.records["estimate"].notes

@@ -153,21 +153,6 @@ def test_untouched_settings_are_the_core_s_defaults_but_for_a_few(scene, operati
     assert given and {name: value for name, value in given.items() if value != defaults[name]} == own
 
 
-def test_settings_reach_the_core_as_its_options(scene, tmp_path):
-    views, estimate, bake = scene.mps.views, scene.mps.estimate, scene.mps.bake
-    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "scene.blend"))
-    views.white, views.lights_in, estimate.lens, estimate.dark = "//white", "WORLD", 0.1, ""
-    bake.bits, bake.padding, bake.fill = "32", "PUSH_PULL", True
-    found = options_of(BakeViews, views) | options_of(BakeViews, bake)
-    assert found["white"] == (str(tmp_path / "white"),) and found["lights_in"] == "world"
-    assert (found["bits"], found["padding"], found["fill"]) == (32, "push-pull", True)
-    assert options_of(Estimate, estimate, without=("model",)) == {
-        "encoding": "auto",
-        "focal": 0.1,
-        "smooth": 0,
-    }
-
-
 @pytest.mark.parametrize(
     ("said", "shown"),
     [

@@ -280,19 +280,3 @@ def test_an_obj_without_normals_gets_blenders_smooth_ones(scene, tmp_path, shape
     assert directed.mean() > 0.99
     assert np.abs(mesh.corner_normals - expected)[directed].max() < 1e-3
     assert_tangents_agree(mesh, blender)
-
-
-@pytest.mark.parametrize("shape", [monkey, cylinder_with_ngon_caps, flat_cube], ids=lambda shape: shape.__name__)
-def test_polygons_in_an_obj_are_the_same_surface_as_in_blender(scene, tmp_path, shape):
-    """The file's quads and n-gons as triangles: the same area and UV area, and every UV where Blender has it."""
-    shape()
-    obj = bpy.context.object
-    mesh = written_obj(tmp_path / "mesh.obj")
-    assert len(mesh.triangles) == sum(len(polygon.vertices) - 2 for polygon in obj.data.polygons)
-    blender_uvs = {tuple(uv) for uv in array_of(obj.data.uv_layers.active.data, "uv", 2).round(3) + 0.0}
-    assert {tuple(uv) for uv in mesh.uvs.reshape(-1, 2).round(3) + np.float32(0)} == blender_uvs
-    triangulated(obj)
-    e1, e2 = np.diff(BlendersCorners(obj.data).uvs, axis=1).swapaxes(0, 1)
-    f1, f2 = np.diff(mesh.uvs, axis=1).swapaxes(0, 1)
-    area = e1[:, 0] * e2[:, 1] - e1[:, 1] * e2[:, 0]
-    assert (f1[:, 0] * f2[:, 1] - f1[:, 1] * f2[:, 0]).sum() == pytest.approx(area.sum(), rel=1e-3)

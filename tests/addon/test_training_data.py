@@ -5,7 +5,6 @@ import os
 import shutil
 import subprocess
 import sys
-from dataclasses import replace
 from pathlib import Path
 
 import bpy
@@ -121,17 +120,6 @@ def test_the_scenes_own_objects(scene, sphere, tmp_path):
         bpy.ops.mps.render_samples(count=2, **settings)
 
 
-def test_a_blender_that_cannot_denoise_says_so(folder, capfd, monkeypatch):
-    settings = {**SMALL, "count": 2, "seed": 3, "output": str(folder)}
-    monkeypatch.setattr("_cycles.with_openimagedenoise", False)
-    bpy.ops.mps.render_samples(**settings)
-    assert "OpenImageDenoise" not in capfd.readouterr().out
-    place_job(folder.parent / "denoised", replace(read_job(folder), denoise=True, count=1))
-    sample_path(folder, 0).rename(sample_path(folder.parent / "denoised", 0))
-    bpy.ops.mps.render_samples(**{**settings, "count": 1, "denoise": True, "output": str(folder.parent / "denoised")})
-    assert "Warning: this Blender has no OpenImageDenoise" in capfd.readouterr().out
-
-
 @pytest.fixture
 def online():
     """Lets Blender go online, or not, until the test ends."""
@@ -181,12 +169,6 @@ def test_a_refused_run_takes_back_the_job_that_it_began(scene, tmp_path, online,
     with pytest.raises(RuntimeError, match="could run code here"):
         bpy.ops.mps.render_samples(**settings, cluster="tcp://10.0.0.1:8786")
     assert folder.exists() == begun and {path.name for path in folder.glob("*")} == before
-
-
-def test_a_worker_is_no_command_that_help_lists(capfd):
-    assert main(["--help"]) == 0
-    text = capfd.readouterr().out
-    assert "render-samples" in text and "work" not in text.split("COMMAND", 2)[-1].split()
 
 
 def test_a_scene_that_is_not_there_is_one_sentence(tmp_path):

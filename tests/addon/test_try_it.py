@@ -61,12 +61,6 @@ def test_the_demo_shows_what_the_normals_are_worth(demo, tmp_path):
     assert angular_error(estimate[inside][:, :3] * 2 - 1, world[inside] @ turn).mean() < 12
 
 
-def test_a_second_demo_stands_beside_the_first(demo):
-    bpy.ops.mps.try_it(pixels=32, samples=1, size=16)
-    assert {"MPS Demo", "MPS Demo.001"} < set(bpy.data.scenes.keys())
-    assert all(bpy.data.scenes[name].mps.bake.image for name in ("MPS Demo", "MPS Demo.001"))
-
-
 def test_what_a_step_says_is_what_the_demo_says(scene, tmp_path):
     (tmp_path / "MPS_Demo_photo.rig.json").mkdir()
     with pytest.raises(RuntimeError) as told:
@@ -129,18 +123,6 @@ def test_relight_hides_the_lights_of_all_rigs_and_shows_only_those_that_it_hid(s
     bpy.ops.mps.choose_rig(index=0)
     bpy.ops.mps.relight()
     assert [light.hide_get() for light in first + second] == [True, False, False, False, False, False]
-
-
-def test_relight_ended_in_another_view_layer_shows_the_lights_where_it_hid_them(sphere, scene):
-    bpy.ops.mps.add_rig()
-    lights = [light.object for light in scene.mps.rig.lights]
-    here, other = bpy.context.view_layer, scene.view_layers.new("Other")
-    lights[0].hide_set(True, view_layer=other)
-    bpy.ops.mps.relight()
-    bpy.context.window.view_layer = other
-    bpy.ops.mps.relight()
-    assert [light.hide_get(view_layer=here) for light in lights] == [False, False, False]
-    assert [light.hide_get(view_layer=other) for light in lights] == [True, False, False]
 
 
 def test_relight_gives_the_viewport_that_it_took_its_shading_back(sphere):

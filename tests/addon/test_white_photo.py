@@ -9,7 +9,6 @@ from blender_addon.panels.step import Kind
 from mpsnet_core.estimate.albedo import read_albedo
 from mpsnet_core.io.image_reading import read_image
 from mpsnet_core.io.image_writing import write_image
-from mpsnet_core.scene.normal_map import read_normals
 
 from .rendering import shader_of
 
@@ -66,18 +65,6 @@ def test_the_material_shows_albedo_and_normals_once_each(white, photographed, tm
     np.testing.assert_allclose(pixels[..., :3], read_albedo(tmp_path / "t_albedo.exr")[::-1], atol=1e-3)
 
 
-def test_an_albedo_is_not_baked_over_that_of_another_object(white, photographed, tmp_path):
-    bpy.ops.mps.estimate(model="LAMBERTIAN", white=white, albedo=True, output=str(tmp_path / "n.png"))
-    bpy.ops.mps.bake(target=photographed.name, size=64, output=str(tmp_path / "t.png"))
-    twin = photographed.copy()
-    twin.data = photographed.data.copy()
-    bpy.context.scene.collection.objects.link(twin)
-    bpy.data.images[f"MPS {photographed.name} Albedo"].filepath = str(tmp_path / "u_albedo.png")
-    twin.data.materials[0] = None
-    with pytest.raises(RuntimeError, match=r"u_albedo\.png, which is for"):
-        bpy.ops.mps.bake(target=twin.name, size=64, output=str(tmp_path / "u.png"))
-
-
 def test_another_white_photo_makes_the_estimate_out_of_date(white, scene, tmp_path):
     bpy.ops.mps.estimate(model="LAMBERTIAN", white=white, output=str(tmp_path / "n.png"))
     assert MPS_PT_estimate.state(bpy.context).kind is Kind.DONE
@@ -91,19 +78,3 @@ def test_a_white_photo_does_not_stay_for_another_photo(white, scene, tmp_path):
         scene.mps.estimate.white = white
         getattr(bpy.ops.mps, verb)(**given)
         assert scene.mps.estimate.white == ""
-
-
-def test_one_lamp_may_have_lit_the_white_photo(white, photographed, scene, tmp_path):
-    """A lamp on the axis: the normals' z is the shading, and the albedo has no trace of it."""
-    bpy.ops.mps.estimate(model="LAMBERTIAN", white="", output=str(tmp_path / "n.png"))
-    normals = read_normals(tmp_path / "n.png")
-    write_image(white, np.maximum(normals.vectors[..., 2:], 0) * COLOUR)
-    bpy.ops.mps.estimate(white=white, white_light="0,0", albedo=True, output=str(tmp_path / "lamp.png"))
-    albedo = read_albedo(tmp_path / "lamp_albedo.png")
-    facing = normals.mask & (normals.vectors[..., 2] > 0.3)
-    assert np.ptp(albedo[facing, 0]) < 0.05 * albedo[facing, 0].mean()
-
-
-def test_a_pattern_of_white_photos_is_a_file_that_is_there(white, scene, tmp_path):
-    scene.mps.estimate.white = str(tmp_path / "white_?.exr")
-    assert "White Photo" not in MPS_PT_estimate.state(bpy.context).why

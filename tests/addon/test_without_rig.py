@@ -165,6 +165,17 @@ def test_scan_stops_where_the_mesh_does_not_fit(bare, unlit):
     assert unlit.mps.photo.image.mps.camera is not None  # to be looked through
 
 
+def test_scan_aligns_anew_with_another_mesh(bare, unlit):
+    """The camera that an earlier mesh was aligned by says nothing about this one."""
+    camera = bpy.data.objects.new("photo", bpy.data.cameras.new("photo"))
+    unlit.collection.objects.link(camera)
+    camera.parent, unlit.mps.photo.image.mps.camera, unlit.mps.photo.image.mps.fit = bare, camera, "good"
+    bpy.ops.mesh.primitive_cube_add()
+    unlit.mps.bake.target = None
+    with pytest.raises(RuntimeError, match="fits the photo poorly"):
+        bpy.ops.mps.scan()
+
+
 def test_the_command_line_scans(bare, unlit, shot, tmp_path, capfd):
     unlit.mps.photo.image = None
     assert main(["scan", "--photo", str(shot / "photo.exr"), "--object", bare.name]) == 0

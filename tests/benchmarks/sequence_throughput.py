@@ -98,16 +98,9 @@ def main() -> None:
             done = estimate_sequence(frames, take, estimator, recipe="")
             assert done.made == options.frames
 
-        def one_after_the_other() -> None:
-            """What it would be without threads: reading, estimating, writing in turn."""
-            from mpsnet_core.scene.normal_map import write_normals
-
-            for frame in photo_frames(photos, outputs, masks=Masks(), like=like):
-                write_normals(folder / "turn.png", estimator(take(frame)))
-
         alone()
-        times = [(seconds(alone), seconds(sequence), seconds(one_after_the_other)) for _ in range(options.rounds)]
-    for number, name in enumerate(("alone", "sequence", "in turn")):
+        times = [(seconds(alone), seconds(sequence)) for _ in range(options.rounds)]
+    for number, name in enumerate(("alone", "sequence")):
         median = statistics.median(round[number] for round in times)
         share = statistics.median(round[0] / round[number] for round in times)
         print(f"{name:9} {options.frames / median:6.2f} frames a second, {share:.0%} of the estimator alone")

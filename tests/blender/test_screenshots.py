@@ -56,6 +56,7 @@ STEPS = {
         "MPS_PT_align",
         "MPS_PT_mask",
         "MPS_PT_real",
+        "MPS_PT_colour",
         "MPS_PT_superpose",
     ),
     "estimate": ("MPS_PT_estimate", "MPS_PT_estimate_options"),

@@ -106,6 +106,47 @@ def test_views_that_share_nothing_stay_as_they_are(caplog: pytest.LogCaptureFixt
     assert "2 of 2 views share too little of the surface" in caplog.text
 
 
+def shuffled(mesh: Mesh, parts: int) -> Mesh:
+    """The mesh with its UVs cut into vertical strips, which take one another's places upside down in random order."""
+    across = (mesh.uvs[..., 0] - 0.01) / 0.98 * parts
+    strip = across.mean(axis=1).astype(int)
+    to = np.random.default_rng(2).permutation(parts)[strip]
+    within = across - strip[:, None]
+    u = (to[:, None] + 0.05 + 0.9 * within) / parts
+    return Mesh(mesh.vertices, mesh.triangles, mesh.corner_normals, np.stack([1 - u, 1 - mesh.uvs[..., 1]], axis=-1))
+
+
+@pytest.mark.parametrize("size", [200, 900])
+def test_colours_go_on_along_the_surface_whatever_its_islands(size: int) -> None:
+    """On the far half of a sphere, y / (1 - x) is the harmonic function that is y on the rim."""
+    mesh = shuffled(sphere_mesh(48, 24), 16)
+    texture, texels = bake_normals(mesh, [painted_view((1, 0, 0))], size=size), texels_of(mesh.uvs, size)
+    points = unit(texels.of(mesh.vertices[mesh.triangles]))
+    far = (points[:, 0] < -0.2) & (np.abs(points[:, 2]) < 0.7)
+    assert texture.colours is not None
+    found = texture.colours[tuple(texels.place[far].T)]
+    assert not found[:, 3].any()
+    harmonic = 0.5 + 0.4 * points[far, 1] / (1 - points[far, 0])
+    off = np.abs(found[:, 1] - harmonic)
+    assert off.mean() < 0.04 and off.max() < 0.12
+
+
+def test_an_island_that_nothing_seen_touches_has_the_mean_colour() -> None:
+    mesh = sphere_mesh(24, 12)
+    alone = mesh.vertices + np.array([0, 8, 0])
+    both = Mesh(
+        np.concatenate([mesh.vertices, alone]),
+        np.concatenate([mesh.triangles, mesh.triangles + len(mesh.vertices)]),
+        np.concatenate([mesh.corner_normals] * 2),
+        np.concatenate([mesh.uvs * (0.5, 1), mesh.uvs * (0.5, 1) + (0.5, 0)]),
+    )
+    texture = bake_normals(both, [painted_view(side) for side in ((1, 0, 0), (-1, 0, 0))], size=SIZE)
+    assert texture.colours is not None
+    right, covered = (values[:, SIZE // 2 :] for values in (texture.colours, texture.covered))
+    assert not right[covered][:, 3].any()
+    assert np.abs(right[covered][:, :3] - texture.colours[texture.seen][:, :3].mean(axis=0)).max() < 0.02
+
+
 def test_bake_writes_the_albedo_beside_the_texture(tmp_path: Path, mpsnet: Mpsnet) -> None:
     """A plate of two colours before two cameras; where one albedo is transparent, the other one tells. They differ in
     exposure and tint, and meet in the middle."""

@@ -82,6 +82,29 @@ def test_lights_and_crosstalk_are_found(bumpy: tuple[Path, trimesh.Trimesh], tmp
     assert (off < 4 * np.array(stated) + 0.3).all()
 
 
+def test_three_photos_of_one_white_light_each(bumpy: tuple[Path, trimesh.Trimesh], tmp_path: Path) -> None:
+    file, mesh = bumpy
+    arrived, mask, points = shaded(mesh)
+    paint = np.where(points[..., :1] > 0.1, (0.3, 0.6, 0.9), (0.8, 0.5, 0.2))
+    photos = [tmp_path / f"{name}.exr" for name in "abc"]
+    for lamp, photo in enumerate(photos):
+        seen = [arrived[..., lamp, None] * paint * (1, 0.7, 0.8)[lamp], mask[..., None]]
+        write_image(photo, np.concatenate(seen, axis=-1).astype(np.float32))
+    write_camera(tmp_path / "camera.json", CAMERA)
+    CalibrateMesh(
+        image=tuple(map(str, photos)),
+        per_light=True,
+        mesh=str(file),
+        camera=str(tmp_path / "camera.json"),
+        output=str(tmp_path / "rig.json"),
+    ).run()
+    found = read_rig(tmp_path / "rig.json")
+    off = np.degrees(np.arccos(np.clip((found.directions * LIGHTS).sum(axis=1), -1, 1)))
+    print(off)
+    assert off.max() < 1.5
+    assert np.array_equal(found.mixing, np.eye(3))
+
+
 def test_a_camera_that_looks_elsewhere_is_refused(bumpy: tuple[Path, trimesh.Trimesh], tmp_path: Path) -> None:
     write_image(tmp_path / "photo.exr", np.full((SIDE, SIDE, 3), 0.5, np.float32))
     aside = POSE.copy()

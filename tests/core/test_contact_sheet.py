@@ -11,7 +11,7 @@ from conftest import Mpsnet
 from progress_lines import events
 from sphere_sample import RED, sphere_sample
 from stand_in import COMMAND
-from synthetic import Sphere, listing, write_file
+from synthetic import listing, write_file
 
 from mpsnet_core.synthesis.contact_sheet import (
     LIT_COLOURS,
@@ -123,21 +123,6 @@ def test_show_writes_into_the_current_folder(
     assert one.stdout.startswith("2 sample(s), 2 by Cycles")
     assert "skipped" not in one.stdout
     assert mpsnet("show", folder / "sample_00000?.exr").stdout.startswith("4 sample(s)")
-
-
-def test_show_takes_photos_and_samples_together(
-    tmp_path: Path, mpsnet: Mpsnet, folder: Path, sphere: Sphere, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    photo = write_file(tmp_path / "photo.exr", np.dstack([sphere.image, sphere.mask]), "half")
-    alone, both = tmp_path / "alone.png", tmp_path / "both.png"
-    assert mpsnet("show", photo, "-o", alone).returncode == 0
-    done = mpsnet("show", folder, photo, "--count", "1", "-o", both)
-    assert done.returncode == 0
-    assert done.stdout.splitlines()[0] == "4 sample(s), 2 by Cycles, 2 by a test"
-    lower = pixels(both)[-pixels(alone).shape[0] :, : pixels(alone).shape[1]]
-    np.testing.assert_array_equal(lower, pixels(alone))
-    assert mpsnet("show", photo).stdout == "photo_sheet.png\n"
 
 
 def test_the_contact_sheet_shows_the_samples_that_there_are(tmp_path: Path, sample: Sample) -> None:

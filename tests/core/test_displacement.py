@@ -1,6 +1,5 @@
 """Heights on UVs, where they are known: spheres and tori displaced by waves in space, in several islands."""
 
-import json
 from dataclasses import replace
 from pathlib import Path
 
@@ -300,21 +299,6 @@ def test_normals_of_no_surface_do_not_tear_what_is_around_them() -> None:
     print(f"rms {wrong.std():.3f}, most {np.abs(wrong).max():.3f}, contradicted {found.contradicted:.3f}")
     assert wrong.std() < 0.25  # 0.88 where all normals are believed
     assert found.contradicted > wall.mean() / 2
-
-
-def test_the_command_line_writes_what_the_package_finds(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    mesh = cube_sphere(8)
-    vectors = tangent_normals(mesh, 64, lambda points, _: bumpy_sphere(points))
-    write_mesh(tmp_path / "mesh.npz", mesh)
-    write_image(tmp_path / "t.png", encode(vectors, "directx"))
-    command = ["integrate", str(tmp_path / "t.png"), "--uvs", str(tmp_path / "mesh.npz"), "--convention", "directx"]
-    assert main([*command, "--height", str(tmp_path / "h.png"), "--unit", "mm"]) == 0
-    assert "Displace: strength" in capsys.readouterr().out
-    found = displacement(vectors, mesh)
-    read = read_height(tmp_path / "h.png")
-    assert json.loads((tmp_path / "h.png.json").read_text())["camera"] is None
-    assert read.camera.focal == pytest.approx(1 / found.texel)
-    assert read.values[found.covered] == pytest.approx(found.values[found.covered], abs=0.01 * AMPLITUDE)
 
 
 @pytest.mark.parametrize(

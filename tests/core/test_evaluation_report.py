@@ -9,21 +9,10 @@ import OpenImageIO as oiio
 import pytest
 from synthetic import diligent_object, listing
 
-from mpsnet_core.io.text_table import table_of_means
 from mpsnet_core.learning.evaluation.measure import measure
 from mpsnet_core.learning.evaluation.operations import EvaluateDiligent
 from mpsnet_core.learning.evaluation.report import HIGHEST_ERROR, TILE_HEIGHT, case_picture, open_report
 from mpsnet_core.scene.pictures import GAP, TITLE_HEIGHT, error_picture
-
-
-def test_the_table_has_a_line_for_each_key_and_a_mean_over_all_its_rows() -> None:
-    white = ("lambertian", "white")
-    values = [(white, "ball", 6.333), (white, "cat", 11.001), (white, "cat", 12.5), (("ours", "white"), "cat", 4.0)]
-    assert [line.split() for line in table_of_means(("model", "protocol"), values).splitlines()] == [
-        ["model", "protocol", "ball", "cat", "mean"],
-        ["lambertian", "white", "6.33", "11.75", "9.94"],
-        ["ours", "white", "-", "4.00", "4.00"],
-    ]
 
 
 def test_a_case_is_shown_with_each_model_on_one_scale(tmp_path: Path) -> None:

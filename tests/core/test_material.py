@@ -338,13 +338,6 @@ def test_a_photo_that_is_not_filled_or_too_small_is_refused(tmp_path, capfd):
     assert "330 x 50 pixels are too few for a material; take 64 or more each way" in capfd.readouterr().err
 
 
-def test_results_do_not_overwrite_the_photo(photo, tmp_path, capfd):
-    (tmp_path / "weave.exr").rename(tmp_path / "a_height_mm.exr")
-    arguments = ["--rig", str(tmp_path / "rig.json"), "--width", "66mm", "--name", "a", "-o", str(tmp_path)]
-    assert main(["material", str(tmp_path / "a_height_mm.exr"), *arguments]) == 2
-    assert "the result would overwrite" in capfd.readouterr().err
-
-
 def test_a_material_of_another_photos_normals_is_refused():
     weave = Weave()
     small = NormalMap(np.zeros((70, 70, 3)), np.ones((70, 70), bool))

@@ -208,14 +208,6 @@ def test_a_mask_that_fits_no_photo_ends_the_run_soon(tmp_path: Path, mpsnet: Mps
         assert not (tmp_path / "out").exists()
 
 
-def test_a_result_that_cannot_be_written_ends_the_run(tmp_path: Path) -> None:
-    photos = shots(tmp_path / "shots", range(1, 9))
-    (tmp_path / "out" / "frame_0003_normals.png").mkdir(parents=True)
-    with pytest.raises(InputError, match=r"frame_0003_normals\.png: it is a folder"):
-        run(photos, tmp_path / "out")
-    assert "frame_0002_normals.png" in listing(tmp_path / "out")
-
-
 def test_a_cancelled_run_keeps_what_was_estimated(tmp_path: Path) -> None:
     photos = shots(tmp_path / "shots", range(1, 9))
 
@@ -323,17 +315,6 @@ def test_an_object_that_was_found_is_looked_for_in_every_frame(tmp_path: Path, m
     assert masks[0].mean() < 0.4 and masks[1].all()
 
 
-def test_the_first_photo_without_alpha_is_warned_of_where_others_have_it(
-    tmp_path: Path, mpsnet: Mpsnet, rig: Path
-) -> None:
-    shots(tmp_path / "shots", [1, 2, 5])
-    for number in (3, 4):
-        write_file(tmp_path / "shots" / f"frame_{number:04d}.png", np.full(picture(number).shape, 0.3), "uint8")
-    command = ["estimate", tmp_path / "shots", "--rig", rig, "--model", "lambertian", "-o", tmp_path / "out"]
-    told = result(mpsnet(*command, "--progress", "json"))
-    assert len([note for note in told["notes"] if "[no-mask]" in note]) == 1
-
-
 @pytest.mark.parametrize("smooth", ["0", "2"])
 def test_frames_without_an_object_are_left_out_and_the_others_made(
     tmp_path: Path, mpsnet: Mpsnet, rig: Path, smooth: str
@@ -412,17 +393,6 @@ def test_a_relative_output_that_is_not_there_yet_is_gone_on_from(
     assert [result(mpsnet(*command))["made"] for _ in range(2)] == [2, 0]
 
 
-def test_many_photos_tell_each_kind_of_doubt_once(tmp_path: Path, mpsnet: Mpsnet, rig: Path) -> None:
-    (tmp_path / "shots").mkdir()
-    for number in range(1, 9):
-        values = np.minimum(picture(number) * (2 + 0.1 * number), 1)
-        write_file(tmp_path / "shots" / f"frame_{number}.png", values, "uint8")
-    command = ["estimate", tmp_path / "shots", "--rig", rig, "--model", "lambertian", "-o", tmp_path / "out"]
-    notes = result(mpsnet(*command, "--progress", "json"))["notes"]
-    assert len(notes) == len(set(notes)) <= 4
-    assert sum("saturated" in note for note in notes) == 1
-
-
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
@@ -445,21 +415,6 @@ def test_what_a_sequence_cannot_be_asked(
     assert done.returncode == 2
     assert len(done.stderr.splitlines()) == 1 and words in done.stderr, done.stderr
     assert not (tmp_path / "out").exists()
-
-
-@pytest.mark.parametrize("option", ["--mask", "--dark"])
-def test_results_over_the_files_of_a_pattern_are_refused(
-    tmp_path: Path, mpsnet: Mpsnet, rig: Path, option: str
-) -> None:
-    photos = shots(tmp_path / "shots", [1, 2])
-    (tmp_path / "more").mkdir()
-    for photo in photos:
-        write_file(tmp_path / "more" / f"{photo.stem}_normals.png", SPHERE.mask, "uint8")
-    before = contents(tmp_path / "more")
-    command = ["estimate", tmp_path / "shots", "--rig", rig, "--model", "lambertian", "-o", tmp_path / "more"]
-    done = mpsnet(*command, option, tmp_path / "more" / "frame_####_normals.png")
-    assert done.returncode == 2 and "the result would overwrite" in done.stderr
-    assert contents(tmp_path / "more") == before
 
 
 @pytest.mark.parametrize("option", ["--dark", "--flat", "--mask"])

@@ -223,13 +223,6 @@ def test_a_hole_with_a_long_rim_is_filled(tmp_path: Path) -> None:
     assert_closed(filled.astype(np.int32))
 
 
-def test_flat_meshes_get_a_thickness(tmp_path: Path) -> None:
-    square = np.array([(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0)], float)
-    shape = meshes.load_mesh(str(obj(tmp_path / "flat.obj", square, np.array([(0, 1, 2), (0, 2, 3)]))))
-    assert_closed(shape.triangles)
-    assert volume(shape) == pytest.approx(2 * 2 / 40 / np.sqrt(2), rel=0.02)
-
-
 def test_meshes_together_on_a_ground_and_deformed(tmp_path: Path) -> None:
     vertices, faces = sphere(3)
     obj(tmp_path / "a.obj", vertices, faces)

@@ -85,18 +85,6 @@ def test_samples_that_cannot_be_made_are_counted_and_the_rest_is_kept(tmp_path: 
         assert read_sample_data(out / f"sample_{number:06d}.exr")["recipe"]["shape"]["kind"] == "meshes"
 
 
-def test_work_is_not_listed_and_speaks_its_protocol(mpsnet_process: Mpsnet, made: Path) -> None:
-    assert " work" not in mpsnet_process("--help").stdout
-    given = '{"number": 0}\n{"number": 1}\n"two"\n'
-    done = subprocess.run(
-        [sys.executable, "-m", "mpsnet_core", "work", made], input=given, capture_output=True, text=True, timeout=60
-    )
-    assert done.returncode == 0
-    answers = [json.loads(line) for line in done.stdout.splitlines()]
-    there = [{"result": {"number": number, "state": "there", "error": ""}} for number in (0, 1)]
-    assert answers == [{"ready": True}, *there, {"error": "'\"two\"' is not a request; give a JSON object a line"}]
-
-
 def synthesize(b: Bench, *arguments: str | Path) -> None:
     """`mpsnet synthesize` with good values for what is not given."""
     b.run("synthesize", "--count", "2", "--size", "16", "--seed", "3", "-o", b / "s", *arguments)

@@ -120,15 +120,6 @@ def test_names_without_anything_between_may_meet() -> None:
         names("<OBJECT><MATERIAL>.png", object=["a", "ab"], material=["bc", "c"])
 
 
-def test_npz_gives_back_the_names(tmp_path: Path) -> None:
-    mesh = squares((0, 0), (0, 0), materials="Grün skin", objects="a b")
-    write_mesh(tmp_path / "a.npz", mesh)
-    back = read_mesh(tmp_path / "a.npz")
-    for one, other in ((back.materials, mesh.materials), (back.objects, mesh.objects)):
-        assert one is not None and other is not None
-        assert one.names == other.names and (one.number == other.number).all()
-
-
 @pytest.mark.parametrize(
     ("changes", "said"),
     [

@@ -246,17 +246,6 @@ def test_colours_that_cannot_be_converted_get_one_sentence(tmp_path: Path) -> No
         frame.source.photo()
 
 
-def test_sound_alone_is_refused(tmp_path: Path) -> None:
-    with av.open(str(tmp_path / "a.mkv"), "w") as container:
-        stream = container.add_stream("pcm_s16le", rate=8000)
-        sound = av.AudioFrame.from_ndarray(np.zeros((1, 800), np.int16), format="s16", layout="mono")
-        sound.sample_rate = 8000
-        container.mux(stream.encode(sound))
-        container.mux(stream.encode(None))
-    with pytest.raises(InputError, match=r"a\.mkv holds no pictures"):
-        decoded(tmp_path / "a.mkv")
-
-
 def test_a_size_beyond_reason_is_refused_before_memory_is_asked_for(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -1,6 +1,7 @@
 """Refine a rough camera: fit a mesh's outline and normals to a photo's."""
 
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +17,8 @@ from mpsnet_core.progress import Progress, silent
 from mpsnet_core.scene.camera import Camera
 from mpsnet_core.scene.normal_map import NormalMap
 from mpsnet_core.scene.rays import RayScene
+
+Pixels = NDArray[np.floating[Any]]
 
 # The object's longer side in pixels on each scale, and the maximum number of steps there.
 SCALES = ((64, 10), (128, 6), (256, 10), (512, 8))
@@ -62,9 +65,9 @@ class _Scale:
     """Size of its pixels, in the photo's pixels."""
     origin: tuple[int, int]
     """(row, column) of its first pixel in the photo."""
-    normals: Floats
+    normals: Pixels
     """(h, w, 3). The photo's normals."""
-    detail: Floats
+    detail: Pixels
     """(h, w, 3). The normals minus their Gaussian mean."""
     inside: NDArray[np.bool_]
     """(h, w). The mask."""
@@ -314,18 +317,18 @@ def _robust(residual: Floats) -> Floats:
     return weights
 
 
-def _detail(smooth: Floats, inside: NDArray[np.bool_]) -> Floats:
+def _detail(smooth: Pixels, inside: NDArray[np.bool_]) -> Pixels:
     return np.where(inside[..., None], smooth - _smooth(smooth, inside, WIDE), 0)
 
 
-def _smooth(values: Floats, inside: NDArray[np.bool_], sigma: float) -> Floats:
+def _smooth(values: Pixels, inside: NDArray[np.bool_], sigma: float) -> Pixels:
     """Gaussian mean of values (h, w, C) over the pixels inside; zero outside."""
     weight = gaussian(inside[..., None].astype(values.dtype), sigma, (0, 1))
     means = gaussian(np.where(inside[..., None], values, 0), sigma, (0, 1)) / np.maximum(weight, 1e-6)
     return np.where(inside[..., None], means, 0)
 
 
-def _outline(shares: Floats) -> tuple[Floats, Floats]:
+def _outline(shares: Pixels) -> tuple[Floats, Floats]:
     """Points (N, 2) (x, y) in pixels where an object's coverage (h, w) crosses 1/2, and outward unit normals (N, 2)."""
     padded = np.pad(shares, 1)
     gradients = np.stack([np.gradient(gaussian(padded, 1.5, (0, 1)), axis=axis) for axis in (1, 0)], axis=-1)

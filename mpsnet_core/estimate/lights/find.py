@@ -16,7 +16,8 @@ from mpsnet_core.capture.decode import PhotoReadOptions
 from mpsnet_core.capture.open import PhotoSet
 from mpsnet_core.capture.sources import Source
 from mpsnet_core.errors import GeometryError, InputError, NoObject
-from mpsnet_core.estimate.lights.network import guess_lights
+from mpsnet_core.estimate.lights.network import LightsGuess, guess_lights
+from mpsnet_core.estimate.lights.refine import refine
 from mpsnet_core.io.image import CHANNELS
 from mpsnet_core.scene.rig import LightRig, angles_of
 
@@ -101,8 +102,9 @@ def find_lights(photos: Sequence[tuple[NDArray[np.floating[Any]], NDArray[np.boo
     errors = np.array([one.errors for one in guesses])
     together = normalised((directions / errors[..., None] ** 2).sum(axis=0))
     error = np.sqrt((errors**2).mean(axis=0) * (SHARED + (1 - SHARED) / len(guesses)))
+    found = refine(photos, LightsGuess(together, error))
     try:
-        return FoundLights(LightRig(together), np.degrees(error))
+        return FoundLights(LightRig(found.directions), np.degrees(found.errors))
     except GeometryError:
         raise GeometryError(
             "the photo's channels seem to show lights from one side, which do not determine a normal; light the object "

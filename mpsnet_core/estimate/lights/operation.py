@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
-from mpsnet_core.capture.operations import ReadsPhotos
+from mpsnet_core.capture.operations import TakesLightPhotos
 from mpsnet_core.defaults import MASK
 from mpsnet_core.operation import Result, option
 from mpsnet_core.progress import Progress, silent
@@ -23,7 +23,7 @@ class PhotoCalibrated(Result):
 
 
 @dataclass(frozen=True)
-class CalibratePhoto(ReadsPhotos):
+class CalibratePhoto(TakesLightPhotos):
     """Find the lights' directions in photos of any object, without a ball.
 
     They are less exact than those of a mirror ball: several photos or frames under the same lights help.
@@ -40,7 +40,6 @@ class CalibratePhoto(ReadsPhotos):
 
     def run(self, progress: Progress = silent) -> PhotoCalibrated:
         """Write the rig file."""
-        from mpsnet_core.capture.sources import Source
         from mpsnet_core.estimate.lights.find import find_lights_of
         from mpsnet_core.io.files import check_no_overwrite, writable_path, write_json
         from mpsnet_core.io.frames import expand_images
@@ -50,7 +49,7 @@ class CalibratePhoto(ReadsPhotos):
         outputs = [writable_path(path) for path in (self.output, self.json) if path]
         check_no_overwrite([*files, *self.inputs(mask=self.mask)], outputs)
         progress(0.0, f"looking for the lights in {files[0].name}")
-        found = find_lights_of([Source(file, None, self.mask) for file in files], self.read_options())
+        found = find_lights_of(self.sources(files, self.mask), self.read_options())
         write_rig(self.output, found.rig)
         lines = "\n".join(map(str, found.facts()))
         result = PhotoCalibrated(self.output, found.facts(), text=f"{lines}\n{self.output}: the rig")

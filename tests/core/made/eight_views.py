@@ -12,8 +12,6 @@ from synthetic import degrees_between
 from mpsnet_core.bake.bake import View, bake_normals
 from mpsnet_core.bake.feather import FEATHER
 from mpsnet_core.bake.low_frequency_correction import correct_low_frequencies
-from mpsnet_core.capture.capture import Capture
-from mpsnet_core.estimate.estimator import estimate_normals
 from mpsnet_core.scene.camera import Camera
 from mpsnet_core.scene.normal_map import NormalMap
 from mpsnet_core.scene.rig import published_rig
@@ -232,42 +230,22 @@ class Outcome:
     at_ends: np.ndarray
     elsewhere: np.ndarray
 
-    def __str__(self) -> str:
-        steps = [
-            f"{where}: {len(found)} pieces, mean {found.mean():.2f}°, at most {found.max():.2f}°"
-            for where, found in (
-                ("between views", self.at_borders),
-                ("where all end", self.at_ends),
-                ("elsewhere", self.elsewhere),
-            )
-            if len(found)
-        ]
-        return (
-            f"{self.seen:.1%} seen, mean error {self.error:.2f}°, views {self.spread:.2f}° apart; steps "
-            + "; ".join(steps)
-        )
 
-
-def wrong_views(pixels: int, *, reach: float = 0.7, shadows: bool = False) -> list[View]:
+def wrong_views(pixels: int) -> list[View]:
     """Eight views from photos with noise of 0.01, estimates that err smoothly by 7° and cameras that are wrong by 0.2°
-    and 0.002 radii. The first four show the whole sphere, the others, between them, half of their `reach` either way:
-    below 1 they end within it, and the others go on there.
+    and 0.002 radii. The first four show the whole sphere; the others end within it, where the first go on.
 
-    The estimate is Lambert's. shadows: see :func:`shot`; where a light does not reach, that estimate errs by itself,
-    with steps that no border has a part in.
+    The estimate is Lambert's, without attached shadows: where a light does not reach it would err by itself, with steps
+    that no border has a part in.
     """
     rng = np.random.default_rng(5)
     views = []
     for number, corner in enumerate(sorted(CORNERS, key=np.prod)):
-        close = reach if number > 3 else 1.1
-        seen = shot(corner, pixels, rng, noise=0.01, off=0.2, reach=close, shadows=shadows)
-        if shadows:
-            found = estimate_normals(Capture(seen.image, seen.mask, published_rig()), "lambertian")
-            estimate, confidence = found.vectors, found.confidence
-        else:  # which estimate_normals does not take: brightness below 0
-            estimate = unit(seen.image @ np.linalg.inv(published_rig().directions).T)
-            confidence = np.ones(seen.mask.shape)
-        normals = NormalMap(smoothly_wrong(estimate, seen.points, rng, 7.0), seen.mask, confidence)
+        reach = 0.7 if number > 3 else 1.1
+        seen = shot(corner, pixels, rng, noise=0.01, off=0.2, reach=reach, shadows=False)
+        # estimate_normals does not take brightness below 0.
+        estimate = unit(seen.image @ np.linalg.inv(published_rig().directions).T)
+        normals = NormalMap(smoothly_wrong(estimate, seen.points, rng, 7.0), seen.mask, np.ones(seen.mask.shape))
         views.append(View(seen.camera, normals))
     return views
 
