@@ -10,6 +10,7 @@ import argparse
 import email
 import importlib.metadata
 import importlib.util
+import itertools
 import json
 import re
 import shutil
@@ -18,7 +19,7 @@ import sys
 import tempfile
 import tomllib
 import zipfile
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -28,6 +29,7 @@ from packaging.tags import mac_platforms
 from packaging.utils import canonicalize_name, parse_wheel_filename
 
 from mpsnet_core import __version__
+from mpsnet_core.progress import Progress, shown_progress, silent
 
 ADDON = Path(__file__).resolve().parent
 PROJECT = ADDON.parent
@@ -293,7 +295,15 @@ def check_zip(path: Path, blender_ext: Path) -> None:
         raise BuildError(f"{path.name} is above {MAX_ZIP_BYTES / 1e6:.0f} MB; see above what takes the room")
 
 
-def build(pythons: Sequence[str], platforms: Sequence[str], output: Path, blender_ext: Path) -> None:
+def steps_of(count: int, progress: Progress) -> Callable[[str], None]:
+    """Reports the beginning of each of `count` steps."""
+    numbers = itertools.count()
+    return lambda what: progress(next(numbers) / count, what)
+
+
+def build(
+    pythons: Sequence[str], platforms: Sequence[str], output: Path, blender_ext: Path, progress: Progress = silent
+) -> None:
     """Build one zip for each platform and Python into `output`, and the index of a repository of all zips there."""
     project = tomllib.loads((PROJECT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
     manifest = tomllib.loads((ADDON / "blender_manifest.toml").read_text(encoding="utf-8"))
@@ -303,20 +313,29 @@ def build(pythons: Sequence[str], platforms: Sequence[str], output: Path, blende
         )
     extras = project["optional-dependencies"]
     requirements = [*project["dependencies"], *(line for extra in EXTRAS for line in extras[extra])]
+    targets = [Target(python, platform) for platform in platforms for python in pythons]
+    step = steps_of(4 + 3 * len(targets), progress)
+    step("building the wheel of mpsnet_core")
     core = build_core_wheel(WORK / "core")
+    step("building the manual")
     manual = WORK / "manual" if build_manual(WORK / "manual") else None
     output.mkdir(parents=True, exist_ok=True)
     packager = [sys.executable, str(blender_ext)]
+    step("checking the translations")
     warn_of_missing_translations()
-    for target in (Target(python, platform) for platform in platforms for python in pythons):
+    for target in targets:
+        step(f"{target}: finding the wheels")
         pins = resolve(requirements, target)
         print(f"{target}: {', '.join(pins)}", flush=True)
+        step(f"{target}: downloading the wheels")
         source = stage(core, download(pins, target), target.platform, manual)
         path = output / f"{manifest['id']}-{manifest['version']}-{target.platform}-python{target.python}.zip"
+        step(f"{target}: packing")
         run([*packager, "validate", str(source)], "Blender refuses the extension")
         build_options = ["build", f"--source-dir={source}", f"--output-filepath={path}"]
         run([*packager, *build_options], "Blender cannot pack the extension")
         check_zip(path, blender_ext)
+    step("listing the zips")
     run([*packager, "server-generate", f"--repo-dir={output}", "--html"], f"Blender cannot list the zips in {output}")
 
 
@@ -353,14 +372,17 @@ def main() -> int:
         "--blender-ext", type=Path, help="Blender's blender_ext.py (default: that of the installed bpy)"
     )
     options = parser.parse_args()
+    progress = shown_progress()
     try:
         blender_ext = options.blender_ext or find_blender_ext()
         if not blender_ext.is_file():
             raise BuildError(f"{blender_ext} does not exist; Blender has it under scripts/addons_core/bl_pkg/cli")
-        build(options.python, options.platform, options.output.resolve(), blender_ext.resolve())
+        build(options.python, options.platform, options.output.resolve(), blender_ext.resolve(), progress)
     except BuildError as error:
         print(f"build_extension: {error}", file=sys.stderr)
         return 2
+    finally:
+        progress.close()
     return 0
 
 

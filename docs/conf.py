@@ -17,7 +17,7 @@ version = release = mpsnet_core.__version__
 extensions = ["myst_parser", "sphinx.ext.autodoc", "numpydoc"]
 myst_enable_extensions = ["colon_fence", "deflist", "dollarmath"]
 myst_heading_anchors = 3
-exclude_patterns = ["_build"]
+exclude_patterns = ["_build", "start/_bpy.md"]  # pages include the latter
 # Options stay as one types them: a dash is two of "--mask", and JSON has straight quotes.
 smartquotes = False
 

@@ -17,6 +17,8 @@ from pathlib import Path
 
 import bpy
 
+from mpsnet_core.progress import can_show_bar, shown_progress
+
 PRACTICE = Path.cwd() / "practice"
 # How red, green and blue the camera sees each of the three lights.
 COLOURS = ((1.0, 0.12, 0.02), (0.1, 1.0, 0.14), (0.03, 0.15, 1.0))
@@ -24,14 +26,15 @@ PHOTOS = ("photo", "ball", "grey", "plaster")
 
 
 def main():
-    # The operators report their progress there.
-    logging.basicConfig(level=logging.INFO, format="%(message)s")
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--pixels", type=int, default=768, help="the photos' width and height (default: %(default)s)")
     parser.add_argument("--samples", type=int, default=24, help="Cycles samples a pixel (default: %(default)s)")
     start = 1 if bpy.app.module else [*sys.argv, "--"].index("--") + 1
     options = parser.parse_args(sys.argv[start:])
     PRACTICE.mkdir(exist_ok=True)
+    # The operators report their progress there.
+    logging.basicConfig(level=logging.WARNING if can_show_bar() else logging.INFO, format="%(message)s")
+    progress = shown_progress()
     bpy.ops.wm.read_homefile(use_factory_startup=True, use_empty=True)
     runpy.run_path(str(Path(__file__).with_name("extension.py")))
 
@@ -46,19 +49,20 @@ def main():
     )
     low.hide_render = True
     add_rig(figure, projection="PERSPECTIVE", focal_length=85)
-    photograph("photo", figure, options)
+    photograph("photo", figure, options, progress)
 
     ball = add_ball()
     clothe(ball, colour=(0.9, 0.9, 0.9), metallic=1.0, roughness=0.05)
-    photograph("ball", ball, options)
+    photograph("ball", ball, options, progress)
     clothe(ball, colour=(0.5, 0.5, 0.5))
-    photograph("grey", ball, options)
+    photograph("grey", ball, options, progress)
 
     plaster = add_plaster()
     clothe(plaster, colour=(0.55, 0.5, 0.42))
     add_rig(plaster, projection="ORTHOGRAPHIC", view="TOP")
     bpy.context.scene.mps.rig.camera.data.ortho_scale = 1.9  # it fills the picture
-    photograph("plaster", plaster, options)
+    photograph("plaster", plaster, options, progress)
+    progress.close()
     print(f"practice photos are in {PRACTICE}")
 
 
@@ -121,12 +125,13 @@ def select(target):
     bpy.context.view_layer.objects.active = target
 
 
-def photograph(name, target, options):
+def photograph(name, target, options, progress):
     """A photo of `target` alone. Its rig file is the answer to what the tour measures, so it goes."""
     for thing in bpy.context.scene.objects:
         if thing.type == "MESH":
             thing.hide_render = thing != target
-    logging.info("%s.exr, %d of %d", name, PHOTOS.index(name) + 1, len(PHOTOS))
+    number = PHOTOS.index(name)
+    progress(number / len(PHOTOS), f"{name}.exr, {number + 1} of {len(PHOTOS)}")
     size = {"width": options.pixels, "height": options.pixels, "samples": options.samples}
     bpy.ops.mps.render_photo(**size, output=str(PRACTICE / f"{name}.exr"))
     (PRACTICE / f"{name}.rig.json").unlink()

@@ -41,15 +41,15 @@ class Bar:
     def __init__(self) -> None:
         from tqdm import tqdm
 
-        layout = "{desc}: {percentage:.0f}%|{bar:20}| {postfix}"
+        layout = "{percentage:3.0f}%|{bar:20}| {desc}"
         self._bar: Any = tqdm(total=100, bar_format=layout, leave=False, dynamic_ncols=True)
-        self._started, self._fraction, self._closed = time.monotonic(), 0.0, threading.Event()
+        self._started, self._fraction, self._message = time.monotonic(), 0.0, ""
+        self._closed = threading.Event()
         threading.Thread(target=self._tick, daemon=True).start()
 
     def __call__(self, fraction: float, message: str) -> None:
-        self._fraction = fraction
+        self._fraction, self._message = fraction, message
         self._bar.n = round(100 * fraction)
-        self._bar.set_description_str(message, refresh=False)
         self._show()
 
     def close(self) -> None:
@@ -63,9 +63,31 @@ class Bar:
 
     def _show(self) -> None:
         words = remaining_words(self._fraction, time.monotonic() - self._started)
-        self._bar.set_postfix_str(words, refresh=not self._closed.is_set())
+        # A narrow terminal cuts the end off.
+        self._bar.set_description_str(f"{words}: {self._message}", refresh=not self._closed.is_set())
 
 
 def can_show_bar() -> bool:
     """Whether somebody watches stderr: a terminal, or a notebook."""
     return "ipykernel" in sys.modules or bool(sys.stderr and sys.stderr.isatty())
+
+
+class Lines:
+    """A line on stderr for each activity, where a bar would fill a log."""
+
+    def __init__(self) -> None:
+        self._told = ""
+
+    def __call__(self, fraction: float, message: str) -> None:
+        if message != self._told:
+            self._told = message
+            sys.stderr.write(f"{message}\n")
+            sys.stderr.flush()
+
+    def close(self) -> None:
+        """Do nothing."""
+
+
+def shown_progress() -> Bar | Lines:
+    """A bar where somebody watches, else lines."""
+    return Bar() if can_show_bar() else Lines()

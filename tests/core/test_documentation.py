@@ -97,3 +97,16 @@ def test_the_site_builds_without_a_warning(tmp_path):
     build = [sys.executable, "-m", "sphinx", "-q", "-W", "--keep-going", "-b", "html", "docs", tmp_path]
     done = subprocess.run(build, cwd=PROJECT, capture_output=True, text=True, timeout=600)
     assert done.returncode == 0, done.stderr
+
+
+LIBRARIES = re.compile(r"\blib[a-z]+\d+\b")
+
+
+@pytest.mark.parametrize(
+    "page", [page for page in WRITTEN if "[blender" in page.read_text(encoding="utf-8")], ids=page_name
+)
+def test_pages_that_install_bpy_name_the_libraries_that_it_needs(page):
+    """A bare Debian lacks them; the pages include one list, and README and the farm's image have the same."""
+    text = page.read_text(encoding="utf-8")
+    listed = set(LIBRARIES.findall((PROJECT / "docs" / "start" / "_bpy.md").read_text(encoding="utf-8")))
+    assert "{include} ../start/_bpy.md" in text or set(LIBRARIES.findall(text)) == listed
