@@ -126,7 +126,7 @@ class MPS_OT_displace(BakeOperator, DisplaceSettings, bpy.types.Operator):
         normals_off = self._assign(target, image, normals, height["strength"] / self._size, height["midlevel"])
         off = "; the normal map is off, the displaced surface alone is shaded" if normals_off else ""
         self.tell(
-            f"Displaced by {height['lowest']:.3g} to {height['highest']:.3g}; heights written to {self._output}{off}",
+            f"Displaced by {height['lowest']:.3g} to {height['highest']:.3g}; heights written to {self._output}{off}"
         )
 
     def _assign(self, target: Any, image: Any, normals: Any, strength: float, midlevel: float) -> bool:

@@ -50,14 +50,7 @@ INK = 0.2  # what text differs by from what is behind it, at least
 STEPS = {
     "rig": ("MPS_PT_start", "MPS_PT_rig", "MPS_PT_rig_placement"),
     "calibrate": ("MPS_PT_lights", "MPS_PT_calibrate", "MPS_PT_outline"),
-    "photo": (
-        "MPS_PT_photo",
-        "MPS_PT_render",
-        "MPS_PT_align",
-        "MPS_PT_mask",
-        "MPS_PT_real",
-        "MPS_PT_superpose",
-    ),
+    "photo": ("MPS_PT_photo", "MPS_PT_render", "MPS_PT_align", "MPS_PT_mask", "MPS_PT_real", "MPS_PT_superpose"),
     "estimate": ("MPS_PT_estimate", "MPS_PT_estimate_options"),
     "bake": ("MPS_PT_bake", "MPS_PT_texture", "MPS_PT_detail"),
     "heights": ("MPS_PT_heights", "MPS_PT_displace"),
