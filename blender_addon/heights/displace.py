@@ -143,7 +143,7 @@ class MPS_OT_displace(BakeOperator, DisplaceSettings, bpy.types.Operator):
                 "it hardly shows; choose a larger Broadest, a larger Strength in the step Bake, or keep the normal map"
             )
         self.tell(
-            f"Displaced by {height['lowest']:.3g} to {height['highest']:.3g}; heights written to {self._output}{off}",
+            f"Displaced by {height['lowest']:.3g} to {height['highest']:.3g}; heights written to {self._output}{off}"
         )
 
     def _assign(self, target: Any, image: Any, normals: Any, strength: float, midlevel: float) -> bool:

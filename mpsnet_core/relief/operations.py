@@ -99,10 +99,7 @@ class MakesProducts(Operation):
         unset="z with a camera file, else y",
     )
     curvature: str | None = option(
-        default=None,
-        metavar="FILE",
-        help="curvature map: edges are bright, creases dark",
-        provenance="none",
+        default=None, metavar="FILE", help="curvature map: edges are bright, creases dark", provenance="none"
     )
     curvature_radius: int = option(
         default=CURVATURE_RADIUS, metavar="PIXELS", help="the broadest shapes that the curvature map shows"
@@ -153,10 +150,7 @@ class DisplacesMesh(Operation):
         help="what the texture's normals are relative to",
     )
     base: str | None = option(
-        default=None,
-        metavar="MESH",
-        help="mesh to displace, if it is the same one subdivided",
-        provenance="content",
+        default=None, metavar="MESH", help="mesh to displace, if it is the same one subdivided", provenance="content"
     )
     object_space: str | None = option(
         default=None,
@@ -174,10 +168,7 @@ class DisplacesMesh(Operation):
     )
     mean: float | None = option(default=None, help="mean of the heights", unset="the surface stays where it is")
     margin: int = option(
-        default=MARGIN,
-        low=0,
-        high=MAX_TEXTURE_SIZE,
-        help="pixels by which the heights extend beyond the UV islands",
+        default=MARGIN, low=0, high=MAX_TEXTURE_SIZE, help="pixels by which the heights extend beyond the UV islands"
     )
 
 
