@@ -39,7 +39,7 @@ from ..settings.displace import DisplaceSettings
 _INVISIBLE = 2e-3
 # Automatic: a face measures about so many texels, within so many faces; bumps up to so many edges of the mesh, and
 # within these fractions of its size.
-_TEXELS_A_FACE, _MOST_FACES, _MOST_LEVELS = 3, 400_000, 6
+_TEXELS_A_FACE, _MOST_FACES, _MOST_LEVELS, _MATERIAL_LEVELS = 3, 400_000, 6, 2
 _EDGES_A_BUMP, _BROADEST = 4, (0.01, 0.25)
 # Vertices of a subdivided mesh lie on the limit surface at any level; a finer one adds hardly anything.
 MAX_BASE_LEVELS = 3
@@ -78,6 +78,8 @@ class MPS_OT_displace(BakeOperator, DisplaceSettings, bpy.types.Operator):
         self._size = world_scale(target)
         if self.automatic and not given:
             self.levels, self.scale = _suited(target, max(image.size))
+            if self.method == "MATERIAL":  # renders bumps between the vertices; facets show more in finer shadows
+                self.levels = min(self.levels, _MATERIAL_LEVELS)
             self._notes = [*self._notes, f"{self.levels} subdivisions, and bumps up to {self.scale:.1%} of its size"]
         context.view_layer.update()
         # In object axes, but at world size: modifiers displace in object space, even under non-uniform scale.

@@ -3,6 +3,7 @@
 from typing import Any
 
 from ..settings.record import error_of
+from ..start.try_it import scene_before
 from .step import Step
 
 
@@ -21,7 +22,7 @@ class MPS_PT_start(Step):
         begun = mps.photo.image or mps.rig.lights or mps.estimate.rig_file
         if not begun or context.window_manager.mps.chain == "MPS_OT_try_it" or error_of(context.scene, "try_it"):
             self.progress_or(context, "try_it", "PLAY")
-        if mps.before is not None:
+        if scene_before(context.scene) is not None:
             self.layout.operator("mps.back_to_scene", icon="LOOP_BACK")
 
     def _rigs(self, mps: Any) -> None:

@@ -23,6 +23,9 @@ from .demo import make_demo, remove_demo
 _LOOK = Euler((math.radians(80), 0, math.radians(20))).to_quaternion()
 _AWAY = 5.5
 
+# Stored with the demo: the scene that was shown before.
+_BEFORE = "mpsnet_before"
+
 
 class MPS_OT_try_it(RunsSteps, bpy.types.Operator):
     """See all steps in a new scene: an object, its photo under three coloured lights, the normals estimated
@@ -71,7 +74,7 @@ class MPS_OT_try_it(RunsSteps, bpy.types.Operator):
         self._before = context.scene.session_uid
         scene, detailed, low = make_demo()
         self._scene_uid, self._shown = scene.session_uid, {detailed.session_uid: False, low.session_uid: True}
-        scene.mps.before = context.scene
+        scene[_BEFORE] = context.scene
         context.window.scene = scene
         scene.mps.photo.width = scene.mps.photo.height = self.pixels
         detailed.select_set(True)
@@ -114,6 +117,12 @@ class MPS_OT_try_it(RunsSteps, bpy.types.Operator):
         return str(folder / f"{file_name(self._demo(context).name)}_{name}")
 
 
+def scene_before(scene: Any) -> Any:
+    """The scene that was shown before Try It made this one; None for others."""
+    before = scene.get(_BEFORE)
+    return before if isinstance(before, bpy.types.Scene) else None  # a hostile file may hold anything
+
+
 class MPS_OT_back_to_scene(bpy.types.Operator):
     """Show the scene again in which Try It was pressed. The demo's scene stays in the file"""
 
@@ -123,10 +132,10 @@ class MPS_OT_back_to_scene(bpy.types.Operator):
 
     @classmethod
     def poll(cls, context: Any) -> bool:
-        return idle(cls, context) and context.scene.mps.before is not None and context.window is not None
+        return idle(cls, context) and scene_before(context.scene) is not None and context.window is not None
 
     def execute(self, context: Any) -> set[Any]:
-        before = context.scene.mps.before
+        before = scene_before(context.scene)
         if context.scene.mps.relight.lamp is not None:
             run_operator(bpy.ops.mps.relight)
         context.window.scene = before

@@ -140,7 +140,7 @@ def test_what_runs_networks_honours_the_preferences(photographed, scene, tmp_pat
         (Estimate, "estimate", {"model": "MULTISCALE"}),
         (Integrate, "displace", {"scale": 0.01}),
         (Integrate, "heights", {}),
-        (MakeMaterial, "material", {"model": "LAMBERTIAN_GREY_WORLD"}),
+        (MakeMaterial, "material", {"model": "AUTO"}),
         (Superpose, "superpose", {}),
         (Synthesize, "samples", {"count": 100, "bounces": 3}),
     ],

@@ -191,7 +191,7 @@ def test_relights_key_grazes_what_is_seen_and_shows_it_in_contrast(sphere):
 def test_one_comes_back_from_the_demo(scene, monkeypatch):
     mine, demo = bpy.context.scene, bpy.data.scenes.new("Demo")
     assert not bpy.ops.mps.back_to_scene.poll()
-    demo.mps.before = mine
+    demo["mpsnet_before"] = mine
     bpy.context.window.scene = demo
     bpy.ops.mps.back_to_scene()
     assert bpy.context.window.scene == mine
