@@ -6,6 +6,8 @@ from pathlib import Path
 from typing import Any
 
 import bpy
+import numpy as np
+from numpy.typing import NDArray
 
 from mpsnet_core.errors import FileError, InputError, SettingsError
 from mpsnet_core.io.files import creatable_folder
@@ -20,8 +22,10 @@ from .images import fine_preview, image_file, load_image, picture_size
 from .operators.core_run import RunsCore
 from .outputs import requested_path
 from .photo.options import network, reading_without_mask, rig_and_camera_options
+from .photo.studio import FLAT_PLANE
 from .preferences import output_folder
 from .provenance import Provenance, chosen, stamp
+from .scene.surfaces import SURFACES, box_of
 from .settings.declared import apply_given_settings, options_of
 from .settings.material import MaterialSettings
 
@@ -111,7 +115,7 @@ class MPS_OT_make_material(RunsCore, MaterialSettings, bpy.types.Operator):
         material = _material_of(images["normal"], f"MPS {name}")
         plane = settings.plane
         if plane is None or scene not in plane.users_scene or not _is_unedited_plane(plane.data, material):
-            settings.plane = plane = _new_plane(scene, material, self.repeats * size[0])
+            settings.plane = plane = _new_plane(scene, material, (self.repeats * size[0], self.repeats * size[1]))
         _make_plane(plane.data, size, self.repeats)
         black, white = made["height_of_black_mm"] * millimetre, made["height_of_white_mm"] * millimetre
         assign_pictures(material, images, black, white, self.relief)
@@ -154,17 +158,22 @@ def _material_of(normals: Any, name: str) -> Any:
     return material
 
 
-def _new_plane(scene: Any, material: Any, width: float) -> Any:
-    """A plane at the 3D cursor, or to the right of earlier ones of this step."""
+def _new_plane(scene: Any, material: Any, size: tuple[float, float]) -> Any:
+    """A plane at the 3D cursor, or to the right of what is there. size: its width and height."""
     plane = bpy.data.objects.new(material.name, bpy.data.meshes.new(material.name))
+    plane[FLAT_PLANE] = True
     plane.location = scene.cursor.location
-    laid = [
-        other
-        for other in scene.objects
-        if other.type == "MESH" and any(one and _MADE_OF in one for one in other.data.materials)
-    ]
-    while near := next((one for one in laid if (one.location - plane.location).length < 1e-6), None):
-        plane.location.x += 0.55 * (near.dimensions.x + width)
+    boxes = [box_of(other) for other in scene.objects if other.type in SURFACES and not other.hide_get()]
+    half = np.array([*size, 0]) / 2
+
+    def in_the_way(box: NDArray[np.float64]) -> bool:
+        low, high = np.array(plane.location) - half, np.array(plane.location) + half
+        return bool((low < box[1] - 1e-6).all() and (high > box[0] + 1e-6).all()) or bool(
+            np.allclose(box.mean(axis=0), plane.location, atol=1e-6)
+        )
+
+    while (box := next(filter(in_the_way, boxes), None)) is not None:
+        plane.location.x = box[1, 0] + 0.05 * (box[1, 0] - box[0, 0]) + 0.55 * size[0]
     plane.data.materials.append(material)
     scene.collection.objects.link(plane)
     return plane

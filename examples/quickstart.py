@@ -25,13 +25,7 @@ from mpsnet_core.estimate.registry import DEFAULT_MODEL, registered_models
 from mpsnet_core.io.image_reading import read_data, read_image
 from mpsnet_core.io.image_writing import write_picture
 from mpsnet_core.scene.normal_map import NormalMap, read_normals
-from mpsnet_core.scene.pictures import (
-    colour_scale,
-    contact_sheet,
-    cropped,
-    error_picture,
-    photo_picture,
-)
+from mpsnet_core.scene.pictures import colour_scale, contact_sheet, cropped, error_picture, photo_picture
 
 OUTPUT = Path(__file__).resolve().parent / "output"
 PIXELS, SIZE = 640, 1024

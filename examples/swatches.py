@@ -65,12 +65,7 @@ def woven(
 
 
 def leather(
-    shape: tuple[int, int],
-    pixel_mm: float,
-    seed: int,
-    *,
-    grain_mm: float = 2.0,
-    colour: ArrayLike = (0.42, 0.2, 0.09),
+    shape: tuple[int, int], pixel_mm: float, seed: int, *, grain_mm: float = 2.0, colour: ArrayLike = (0.42, 0.2, 0.09)
 ) -> Swatch:
     """Leather: pebbles of about `grain_mm`, parted by creases, with pores and stains; it repeats nowhere."""
     _, _, points = _places(shape, pixel_mm)

@@ -43,3 +43,5 @@ OVERLAP = 0.2
 MIN_OVERLAP, MAX_OVERLAP = 0.05, 0.5
 BEND = 4
 MAX_BEND = 12
+# The model of a flat material that is chosen by what the photo shows.
+BY_PHOTO = "auto"

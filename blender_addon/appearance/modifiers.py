@@ -9,11 +9,7 @@ import bpy
 # The modifiers of `mps.displace`. Textures are baked onto the object without them, and heights refer to that.
 SUBDIVISION, DISPLACE, TRIAL, FACES = "MPS Subdivision", "MPS Displace", "MPS Trial", "MPS Faces"
 SMOOTHNESS = "MPS Smoothness"
-_KINDS = {
-    **dict.fromkeys((SUBDIVISION, TRIAL, FACES), "SUBSURF"),
-    DISPLACE: "DISPLACE",
-    SMOOTHNESS: "WEIGHTED_NORMAL",
-}
+_KINDS = {**dict.fromkeys((SUBDIVISION, TRIAL, FACES), "SUBSURF"), DISPLACE: "DISPLACE", SMOOTHNESS: "WEIGHTED_NORMAL"}
 
 
 def find_modifier(obj: Any, name: str) -> Any:

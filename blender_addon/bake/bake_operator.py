@@ -18,6 +18,7 @@ from mpsnet_core.scene.texture_names import albedo_file
 from ..appearance.shader_graph import normal_inputs, uses_nodes
 from ..child_process.core_process import Work
 from ..image_records import images_of, remember, remembered
+from ..images import fine_preview
 from ..operators.core_run import RunsCore
 from ..outputs import output_path, overruled_format, requested_folder
 from ..provenance import Provenance
@@ -183,7 +184,9 @@ class BakeOperator(RunsCore):
             remember(image, SEEN, str(result["seen"]))
             if part in self._bases:
                 store_base_map(image, self._bases[part])
-        scene.mps.bake.image = next(iter(images.values()))
+        scene.mps.bake.image = shown = next(iter(images.values()))
+        if shown.source == "FILE" and not bpy.app.background:
+            fine_preview(shown)
         bake = scene.mps.bake
         assigned = _assigned(existing, images)
         sentences = assign_textures(assigned, bake.space, bake.convention)

@@ -18,14 +18,17 @@ from ..scene.objects import refuse_linked_scene
 from ..scene.surfaces import bounding_sphere
 
 TICK_SECONDS = 1 / 30
-SECONDS_A_TURN = 6.0
-SLANT = math.radians(55)
-# Material Preview, lit by the scene's lamps and a little by its own environment: shadows are not black.
+SECONDS_A_TURN = 14.0
+# A key light that grazes the surface shows its relief; half of what is seen is in shadow.
+SLANT, KEY, ANGLE = math.radians(74), 4.0, math.radians(3)
+# The fill comes from the other side, nearer to the viewer.
+FILL_SLANT, FILL = math.radians(-40), 0.25
+# Material Preview, lit by these lamps and hardly by its own environment.
 _SHADING = {
     "type": "MATERIAL",
     "use_scene_lights": True,
     "use_scene_world": False,
-    "studiolight_intensity": 0.08,
+    "studiolight_intensity": 0.02,
     "studiolight_background_alpha": 0.0,
 }
 
@@ -59,12 +62,9 @@ def _begin(context: Any, centre: Vector, radius: float) -> None:
     settings.pivot = pivot = bpy.data.objects.new("MPS Relight", None)
     pivot.empty_display_size = radius / 4
     pivot.matrix_world = Matrix.Translation(centre) @ _towards_viewer(context).to_4x4()
-    data = bpy.data.lights.new("MPS White Lamp", "SUN")
-    data.energy = 3.0
-    settings.lamp = lamp = bpy.data.objects.new("MPS White Lamp", data)
-    lamp.parent = pivot
-    lamp.matrix_local = Euler((0, SLANT, 0)).to_matrix().to_4x4() @ Matrix.Translation((0, 0, 2 * radius))
-    for obj in (pivot, lamp):
+    settings.lamp = lamp = _sun("MPS White Lamp", KEY, SLANT, pivot, radius)
+    fill = _sun("MPS Fill", FILL, FILL_SLANT, pivot, radius)
+    for obj in (pivot, lamp, fill):
         obj.hide_render = True
         scene.collection.objects.link(obj)
     layer = context.view_layer
@@ -80,9 +80,19 @@ def _begin(context: Any, centre: Vector, radius: float) -> None:
     _swing_on()
 
 
+def _sun(name: str, energy: float, slant: float, pivot: Any, radius: float) -> Any:
+    data = bpy.data.lights.new(name, "SUN")
+    data.energy, data.angle = energy, ANGLE
+    sun = bpy.data.objects.new(name, data)
+    sun.parent = pivot
+    sun.matrix_local = Euler((0, slant, 0)).to_matrix().to_4x4() @ Matrix.Translation((0, 0, 2 * radius))
+    return sun
+
+
 def _end(context: Any) -> None:
     settings = context.scene.mps.relight
-    for obj in (settings.lamp, settings.pivot):
+    lamps = settings.pivot.children if settings.pivot is not None else ()
+    for obj in dict.fromkeys((settings.lamp, *(one for one in lamps if one.type == "LIGHT"), settings.pivot)):
         if obj is not None:
             data = obj.data
             bpy.data.objects.remove(obj)

@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Any
 
 import bpy
+import numpy as np
 from mathutils import Matrix
 
 from mpsnet_core.errors import InputError
@@ -34,6 +35,12 @@ from ..scene.surfaces import world_scale
 from ..settings.declared import apply_given_settings, options_of, round_as_typed
 from ..settings.displace import DisplaceSettings
 
+# A relief lower than this, as a fraction of the object's size, hardly shows.
+_INVISIBLE = 2e-3
+# Automatic: a face measures about so many texels, within so many faces; bumps up to so many edges of the mesh, and
+# within these fractions of its size.
+_TEXELS_A_FACE, _MOST_FACES, _MOST_LEVELS = 3, 400_000, 6
+_EDGES_A_BUMP, _BROADEST = 4, (0.01, 0.25)
 # Vertices of a subdivided mesh lie on the limit surface at any level; a finer one adds hardly anything.
 MAX_BASE_LEVELS = 3
 
@@ -55,6 +62,7 @@ class MPS_OT_displace(BakeOperator, DisplaceSettings, bpy.types.Operator):
 
     def prepare(self, context: Any, folder: Path) -> tuple[Integrate, Sequence[Path]]:
         bake = context.scene.mps.bake
+        given = any(self.properties.is_property_set(name) for name in ("levels", "scale"))
         apply_given_settings(self, context.scene.mps.displace)
         target = self.baked_object(context)
         image = _texture_of(target) or bake.image
@@ -68,6 +76,9 @@ class MPS_OT_displace(BakeOperator, DisplaceSettings, bpy.types.Operator):
         self._normals: Path | None = None
         self._notes = overruled_format(self._output, context.scene.mps.displace)
         self._size = world_scale(target)
+        if self.automatic and not given:
+            self.levels, self.scale = _suited(target, max(image.size))
+            self._notes = [*self._notes, f"{self.levels} subdivisions, and bumps up to {self.scale:.1%} of its size"]
         context.view_layer.update()
         # In object axes, but at world size: modifiers displace in object space, even under non-uniform scale.
         turn = Matrix.Scale(self._size, 4) @ target.matrix_world.inverted()
@@ -125,8 +136,14 @@ class MPS_OT_displace(BakeOperator, DisplaceSettings, bpy.types.Operator):
         height = result["height"]
         normals_off = self._assign(target, image, normals, height["strength"] / self._size, height["midlevel"])
         off = "; the normal map is off, the displaced surface alone is shaded" if normals_off else ""
+        size = max(target.dimensions)
+        if height["highest"] - height["lowest"] < _INVISIBLE * size:
+            self.note(
+                f"the relief is {(height['highest'] - height['lowest']) / max(size, 1e-12):.2%} of the object's size: "
+                "it hardly shows; choose a larger Broadest, a larger Strength in the step Bake, or keep the normal map"
+            )
         self.tell(
-            f"Displaced by {height['lowest']:.3g} to {height['highest']:.3g}; heights written to {self._output}{off}",
+            f"Displaced by {height['lowest']:.3g} to {height['highest']:.3g}; heights written to {self._output}{off}"
         )
 
     def _assign(self, target: Any, image: Any, normals: Any, strength: float, midlevel: float) -> bool:
@@ -163,6 +180,20 @@ class MPS_OT_displace(BakeOperator, DisplaceSettings, bpy.types.Operator):
                 if kept:
                     disable_bump_correction(material)
         return normals_off
+
+
+def _suited(target: Any, pixels: int) -> tuple[int, float]:
+    """Subdivisions and broadest bumps, as a fraction of its size, for a mesh with a texture of so many pixels."""
+    mesh = target.data
+    areas, uvs = np.empty(len(mesh.polygons), np.float32), np.empty(2 * len(mesh.loops), np.float32)
+    mesh.polygons.foreach_get("area", areas)
+    mesh.uv_layers[_uv_map_of(target) or mesh.uv_layers.active.name].uv.foreach_get("vector", uvs)
+    across = np.ptp(np.clip(uvs.reshape(-1, 2), 0, 1), axis=0)
+    edge, texel = np.sqrt(areas.mean()), np.sqrt(areas.sum() / max(float(across.prod()), 1e-6)) / max(pixels, 1)
+    most = np.log(_MOST_FACES / max(len(areas), 1)) / np.log(4)
+    levels = int(np.clip(np.floor(min(np.log2(edge / (_TEXELS_A_FACE * texel)), most)), 0, _MOST_LEVELS))
+    size = np.linalg.norm(np.ptp(np.array(target.bound_box), axis=0))
+    return levels, float(f"{np.clip(_EDGES_A_BUMP * edge / size, *_BROADEST):.2g}")
 
 
 def _loaded(file: Path, tiles: Sequence[int], name: str) -> Any:

@@ -19,7 +19,7 @@ from ..scene.objects import check_in_scene, target_of
 from ..settings.record import error_of
 from .photo_inputs import lacks_file, lacks_named
 from .step import Step, target_name
-from .text import wrapped
+from .text import across_sidebar, wrapped
 
 
 class MPS_PT_bake(Step):
@@ -45,7 +45,6 @@ class MPS_PT_bake(Step):
         offer_anyway(self.layout, context.scene, "bake")
         if bake.image and hides_materials(context.space_data):
             wrapped(self.layout, "This viewport's shading hides the texture. Material Preview shows it", icon="INFO")
-        self.picture(bake.image, folded="texture")
         lit = context.scene.mps.relight.lamp is not None
         if bake.image or lit or bake.overlays:
             row = self.layout.row(align=True)
@@ -53,6 +52,7 @@ class MPS_PT_bake(Step):
             row.operator("mps.show_coverage", icon="OVERLAY", depress=bool(bake.overlays))
             for verb in ("relight", "show_coverage"):
                 self.failure(context.scene, verb)
+        self.picture(bake.image, across_sidebar())
 
 
 def offer_anyway(layout: Any, scene: Any, verb: str) -> None:

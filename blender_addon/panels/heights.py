@@ -5,6 +5,7 @@ from typing import Any
 from .bake import lacks_targets
 from .photo_inputs import lacks_file
 from .step import Step, target_name
+from .text import across_sidebar
 
 
 class MPS_PT_heights(Step):
@@ -26,7 +27,7 @@ class MPS_PT_heights(Step):
         self.column(heights, "method", "distance", "file_format", "output")
         self.column(heights, "mesh", heights.mesh and "faces", "curvature", "occlusion", "relit", heading="Make")
         self.progress_or(context, "integrate", "OUTLINER_DATA_LIGHTPROBE")
-        self.picture(heights.image, folded="heights")
+        self.picture(heights.image, across_sidebar())
 
 
 class MPS_PT_displace(Step):
@@ -43,7 +44,9 @@ class MPS_PT_displace(Step):
     def draw(self, context: Any) -> None:
         displace = context.scene.mps.displace
         self.column(context.scene.mps.bake, "target", target=target_name(context))
-        subdivision = bool(displace.levels) and "subdivision"
-        self.column(displace, "method", "levels", subdivision, "scale", "keep_normals", "file_format", "output")
+        manual = not displace.automatic
+        subdivision = bool(displace.automatic or displace.levels) and "subdivision"
+        chosen = ("method", "automatic", manual and "levels", subdivision, manual and "scale")
+        self.column(displace, *chosen, "keep_normals", "file_format", "output")
         self.progress_or(context, "displace", "MOD_DISPLACE")
-        self.picture(displace.image, folded="displacement")
+        self.picture(displace.image, across_sidebar())

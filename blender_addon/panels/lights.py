@@ -59,8 +59,11 @@ class MPS_PT_calibrate(Step):
         self.layout.row().prop(calibrate, "source", expand=True)
         if calibrate.source == "MESH":
             self.column(context.scene.mps.bake, "target", target=target_name(context))
-        per_light = ("second_light", "third_light") if calibrate.source == "LAMPS" else ("second_ball",)
-        ball = ("ball", *per_light, "lens", "ball_radius", "encoding") if from_ball(calibrate) else ()
+        lamps = calibrate.source == "LAMPS"
+        if lamps:
+            self.column().prop(calibrate, "ball", text="Red")
+        photos = ("second_light", "third_light") if lamps else ("ball", "second_ball")
+        ball = (*photos, "lens", "ball_radius", "encoding") if from_ball(calibrate) else ()
         self.column(calibrate, *ball, "output", second_ball="For positions")
         self.progress_or(context, "calibrate_lights", "LIGHT_SUN")
         if from_ball(calibrate):

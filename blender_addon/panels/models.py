@@ -32,7 +32,7 @@ class MPS_MT_estimate_models(_Models, bpy.types.Menu):
 
 class MPS_MT_material_models(_Models, bpy.types.Menu):
     step = "material"
-    also = ("LAMBERTIAN_GREY_WORLD",)
+    also = ("AUTO", "LAMBERTIAN_GREY_WORLD")
 
 
 def model_menu(layout: Any, settings: Any, menu: type[_Models]) -> None:

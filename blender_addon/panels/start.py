@@ -21,6 +21,8 @@ class MPS_PT_start(Step):
         begun = mps.photo.image or mps.rig.lights or mps.estimate.rig_file
         if not begun or context.window_manager.mps.chain == "MPS_OT_try_it" or error_of(context.scene, "try_it"):
             self.progress_or(context, "try_it", "PLAY")
+        if mps.before is not None:
+            self.layout.operator("mps.back_to_scene", icon="LOOP_BACK")
 
     def _rigs(self, mps: Any) -> None:
         """The list of several rigs, not shown for a single one."""

@@ -21,7 +21,7 @@ from ..rig.several_rigs import OnEachRig
 from ..scene.objects import target_of
 from ..settings.messages import in_blender
 from ..settings.record import error_of, notes_of
-from .text import fitted, wrapped
+from .text import fitted, verdict, wrapped
 
 FOLDED = True  # whether images of results are folded at first
 
@@ -152,8 +152,8 @@ class Step(bpy.types.Panel):
         if scene.mps.rigs and issubclass(_operator(verb), OnEachRig):
             row.operator(f"mps.{verb}", text="All Rigs").all_rigs = True
         self.failure(scene, verb)
-        for note in () if lacking else notes_of(scene, verb):  # no notes on a result whose inputs are missing
-            wrapped(self.layout, sentence(note), icon="INFO")
+        if not lacking:  # no notes on a result whose inputs are missing
+            verdict(self.layout, verb, [sentence(note) for note in notes_of(scene, verb)])
 
     def progress_of(self, context: Any, verb: str) -> bool:
         """Show the progress of a running operator. Returns whether it runs."""

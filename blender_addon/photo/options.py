@@ -6,7 +6,7 @@ from typing import Any
 
 import bpy
 
-from mpsnet_core.defaults import MASK
+from mpsnet_core.defaults import BY_PHOTO, MASK
 from mpsnet_core.errors import GeometryError, SettingsError
 from mpsnet_core.estimate.operations import Estimate
 from mpsnet_core.scene.rig import read_rig, write_rig
@@ -18,7 +18,7 @@ from ..provenance import made_by
 from ..rig.light_rig import light_rig, rig_camera
 from ..scene.mesh_file import Slices, begin_mesh
 from ..scene.objects import check_in_scene
-from ..settings.declared import options_of, round_as_typed
+from ..settings.declared import identifier, options_of, round_as_typed
 from ..settings.estimate import MODELS
 from .camera import is_real, write_photo_camera
 
@@ -116,6 +116,8 @@ def network(settings: Any) -> dict[str, Any]:
 
 def model_name(settings: Any) -> str:
     """The model's name for the core. Raises SettingsError if it is from a file but no file is set."""
+    if settings.model == identifier(BY_PHOTO):
+        return BY_PHOTO
     if settings.model != "FILE":
         return MODELS[settings.model].name
     if not settings.model_file:

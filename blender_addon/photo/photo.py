@@ -16,7 +16,7 @@ from mpsnet_core.io.files import HEIF_SUFFIXES, IMAGE_SUFFIXES, PHOTO_SUFFIXES, 
 from ..child_process.core_process import Program, Work, run
 from ..child_process.linked_data import not_found
 from ..child_process.trust import blocked_scripts_note
-from ..image_records import read_sidecar, remember
+from ..image_records import origin, read_sidecar, remember
 from ..images import frame_pattern, load_photo
 from ..openimageio import load_openimageio
 from ..operators.core_run import RunsCore
@@ -146,6 +146,8 @@ class MPS_OT_open_photo(ReportingOperator, bpy.types.Operator):
     def invoke(self, context: Any, event: bpy.types.Event) -> set[Any]:
         if self.filepath:  # by drag and drop
             return self.execute(context)
+        if (photo := context.scene.mps.photo.image) is not None:  # the next one is probably beside it
+            self.filepath = f"{origin(photo).parent}{os.sep}"
         context.window_manager.fileselect_add(self)
         return {"RUNNING_MODAL"}
 

@@ -10,7 +10,6 @@ from typing import Any, Literal, NamedTuple
 
 import bpy
 import numpy as np
-from mathutils import Vector
 from numpy.typing import NDArray
 
 from mpsnet_core.errors import InputError, NoObject
@@ -27,11 +26,13 @@ from ..outputs import render_path, with_escaped_braces
 from ..rig.light_rig import last_evaluated_rig, rig_camera, rig_parts
 from ..scene.camera import scene_camera
 from ..scene.objects import rendered, view_layer
-from ..scene.surfaces import surfaces
+from ..scene.surfaces import box_of, surfaces
 
 # Called before each Cycles render with the number done, the total, and words for the one that starts.
 RenderProgress = Callable[[int, int, str], None]
 
+# Marks an object that shows a flat material.
+FLAT_PLANE = "mpsnet_flat_plane"
 _NORMAL_SAMPLES = 16
 _SUBDIVISION = ("dicing_rate", "offscreen_dicing_scale", "max_subdivisions")
 # Tolerance of equal bounding boxes, as a fraction of the diagonal: those of a low-poly and a detailed object differ.
@@ -217,7 +218,9 @@ def _studio(scene: Any) -> Iterator[Any]:
     studio = bpy.data.scenes.new("MPS Studio")
     try:
         # In order and each once: the order determines Cycles' numbering, and so its noise.
-        for obj in dict.fromkeys([*rendered(view_layer(scene).layer_collection), *lights, camera]):
+        shown = [*rendered(view_layer(scene).layer_collection)]
+        shown = [obj for obj in shown if FLAT_PLANE not in obj] or shown  # what shows a flat material is no subject
+        for obj in dict.fromkeys([*shown, *lights, camera]):
             studio.collection.objects.link(obj)
         studio.camera = camera
         _take_time_and_subdivision(studio, scene)
@@ -284,7 +287,7 @@ def objects_in_photo(scene: Any) -> list[Any]:
     view_layer(scene).update()
     frame = scene_camera(rig_camera(scene), scene, (scene.mps.photo.width, scene.mps.photo.height))
     shown = set(rendered(view_layer(scene).layer_collection))
-    boxes = {obj: _box(obj) for obj in scene.objects if obj.type == "MESH"}
+    boxes = {obj: box_of(obj) for obj in scene.objects if obj.type == "MESH"}
     visible = {obj: box for obj, box in boxes.items() if obj in shown and _is_inside(frame, box.mean(axis=0))}
     return [obj for obj, box in boxes.items() if obj in visible or (obj not in shown and _in_place(box, visible))]
 
@@ -292,12 +295,6 @@ def objects_in_photo(scene: Any) -> list[Any]:
 def _is_inside(frame: Camera, point: NDArray[np.float64]) -> bool:
     x, y, w = frame.projection_rows() @ [*point, 1]
     return bool(w > 0 and 0 < x < w * frame.width and 0 < y < w * frame.height)
-
-
-def _box(obj: Any) -> NDArray[np.float64]:
-    """(2, 3) the lowest and the highest coordinates of an object in world space, of Blender's own bounding box."""
-    corners = np.array([obj.matrix_world @ Vector(corner) for corner in obj.bound_box])
-    return np.stack([corners.min(axis=0), corners.max(axis=0)])
 
 
 def _in_place(place: NDArray[np.float64], boxes: Mapping[Any, NDArray[np.float64]]) -> list[Any]:

@@ -144,7 +144,7 @@ class MPS_OT_calibrate_lights(_Calibrates, bpy.types.Operator):
         context.view_layer.update()
         self.schedule(begin_mesh(mesh, mesh_of_photo(context), context.evaluated_depsgraph_get(), None).slices)
         return CalibrateMesh(
-            image=str(photo), mesh=str(mesh), camera=str(camera), output=str(self._rig), **read
+            image=(str(photo),), mesh=str(mesh), camera=str(camera), output=str(self._rig), **read
         ), outputs
 
     def finish(self, context: Any, result: dict[str, Any]) -> None:

@@ -23,6 +23,12 @@ def middle_of(obj: Any) -> Vector:
     return obj.matrix_world @ (sum(map(Vector, obj.bound_box), Vector()) / 8)
 
 
+def box_of(obj: Any) -> NDArray[np.float64]:
+    """(2, 3) the lowest and the highest coordinates of an object's bounding box in world space."""
+    corners = np.array([obj.matrix_world @ Vector(corner) for corner in obj.bound_box])
+    return np.stack([corners.min(axis=0), corners.max(axis=0)])
+
+
 def world_scale(obj: Any) -> float:
     """An object's scale in world space; the mean of a non-uniform one. Raises InputError if it is 0."""
     scale: float = abs(obj.matrix_world.to_3x3().determinant()) ** (1 / 3)

@@ -7,14 +7,7 @@ from bpy.props import CollectionProperty, StringProperty
 
 from mpsnet_core.bake.operations import Bake
 from mpsnet_core.bake.presets import PRESETS
-from mpsnet_core.defaults import (
-    LEVEL_SCALE,
-    MARGIN,
-    MAX_LEVEL_SCALE,
-    MAX_TEXTURE_SIZE,
-    MIN_LEVEL_SCALE,
-    TEXTURE_SIZE,
-)
+from mpsnet_core.defaults import LEVEL_SCALE, MARGIN, MAX_LEVEL_SCALE, MAX_TEXTURE_SIZE, MIN_LEVEL_SCALE, TEXTURE_SIZE
 
 from ..outputs import FORMAT_OF
 from .declared import (
@@ -94,10 +87,7 @@ class BakeSettings:
     objects: EnumSetting(
         "Objects",
         "Which objects are baked onto, in one go: they hide one another from the cameras",
-        items=[
-            ("ACTIVE", "Target", "The target alone"),
-            ("SELECTED", "Selected", "All selected mesh objects"),
-        ],
+        items=[("ACTIVE", "Target", "The target alone"), ("SELECTED", "Selected", "All selected mesh objects")],
     )
     split: EnumSetting(
         "Textures",

@@ -21,6 +21,7 @@ class CalibrateSettings:
             ("LAMPS", "3 Photos", "Three photos of a mirror ball, each of them under one light alone"),
         ],
         default="BALL",
+        translation_context=OWN_SENSE,
     )
     ball: FileSetting(
         "Mirror Ball",

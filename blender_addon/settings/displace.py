@@ -28,6 +28,13 @@ class DisplaceSettings:
             ),
         ],
     )
+    automatic: BoolSetting(
+        "Automatic",
+        "Choose Subdivisions and Broadest by the mesh's faces and the texture's pixels: the relief gets the faces that "
+        "it needs, and shapes broader than the mesh's own faces stay with the mesh. A script that gives one of them "
+        "decides both",
+        default=True,
+    )
     levels: IntSetting(
         "Subdivisions",
         "How often the mesh is subdivided first: each makes four times as many faces, which take more of "

@@ -72,17 +72,10 @@ class EstimateSettings:
         "the rig in this scene, else the lights are found in the photo",
     )
     lens: from_option(
-        Estimate,
-        "focal",
-        name="Lens (mm)",
-        unset="the camera that the photo was rendered with, else the rig's",
+        Estimate, "focal", name="Lens (mm)", unset="the camera that the photo was rendered with, else the rig's"
     )
     distance: from_option(Estimate, "distance", unset="as far as the rig's target, or by the surface")
-    model: from_option(
-        Estimate,
-        "model",
-        items=[*MODEL_ITEMS, ("FILE", "File", "A network in an .onnx file", 9)],
-    )
+    model: from_option(Estimate, "model", items=[*MODEL_ITEMS, ("FILE", "File", "A network in an .onnx file", 9)])
     average_passes: BoolSetting(
         "Average Passes",
         "Average the default network's answers on the scene turned and mirrored, and estimate surfaces of "

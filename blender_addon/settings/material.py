@@ -3,10 +3,18 @@
 import bpy
 from bpy.props import StringProperty
 
+from mpsnet_core.defaults import BY_PHOTO
 from mpsnet_core.relief.operations import MakeMaterial
 
-from .declared import EnumSetting, FloatSetting, IntSetting, from_option, image_pointer, object_pointer
+from .declared import EnumSetting, FloatSetting, IntSetting, from_option, identifier, image_pointer, object_pointer
 from .estimate import MODEL_ITEMS
+
+_AUTO = (
+    identifier(BY_PHOTO),
+    "Automatic",
+    "Equation 2 where the photo shows a matt material, the default network where it shows a glossy one",
+    10,
+)
 
 
 class MaterialSettings:
@@ -24,7 +32,7 @@ class MaterialSettings:
     crop_right: IntSetting("Right", "Pixels to leave out at the photo's right edge", min=0)
     crop_top: IntSetting("Top", "Pixels to leave out at the photo's top", min=0)
     crop_bottom: IntSetting("Bottom", "Pixels to leave out at the photo's bottom", min=0)
-    model: from_option(MakeMaterial, "model", items=MODEL_ITEMS)
+    model: from_option(MakeMaterial, "model", items=[*MODEL_ITEMS, _AUTO])
     size: from_option(MakeMaterial, "size")
     overlap: from_option(MakeMaterial, "overlap")
     bend: from_option(MakeMaterial, "bend", name="Flatten")

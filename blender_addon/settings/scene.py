@@ -72,6 +72,9 @@ class MPS_PG_scene(bpy.types.PropertyGroup):
         get=_way,
         set=_choose_way,
     )
+    before: PointerProperty(
+        name="Scene Before", description="The scene that was shown before Try It made this one", type=bpy.types.Scene
+    )
     rig: PointerProperty(type=MPS_PG_rig)
     calibrate: PointerProperty(type=MPS_PG_calibrate)
     photo: PointerProperty(type=MPS_PG_photo)

@@ -24,10 +24,7 @@ class ViewsSettings:
         ],
     )
     lights_in: from_option(
-        BakeViews,
-        "lights_in",
-        name="Lights",
-        labels={"camera": "Go With the Camera", "world": "Stand Still"},
+        BakeViews, "lights_in", name="Lights", labels={"camera": "Go With the Camera", "world": "Stand Still"}
     )
     level: detail_only(default=True)
     level_scale: cut_off()

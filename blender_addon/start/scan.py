@@ -16,8 +16,13 @@ from ..photo.align import mesh_of_photo
 from ..photo.camera import chosen_camera, lacks_photo_camera
 from ..photo.options import finds_lights, rig_file_for
 from ..scene.objects import find_object
+from ..scene.surfaces import middle_of
 from ..settings.declared import FileSetting, StringSetting
 from ..settings.record import result_of
+from .try_it import look_at
+
+# From how far the result is shown, in the target's largest dimension.
+_AWAY = 2.0
 
 
 class MPS_OT_scan(RunsSteps, bpy.types.Operator):
@@ -98,6 +103,9 @@ class MPS_OT_scan(RunsSteps, bpy.types.Operator):
         if not bpy.app.background and target is not None and target.visible_get():
             bpy.ops.object.select_all(action="DESELECT")
             target.select_set(True)
+            camera = chosen_camera(scene, scene.mps.photo.image)
+            if camera is not None:  # the side that the photo shows
+                look_at(context, middle_of(target), _AWAY * max(target.dimensions), camera.matrix_world.to_quaternion())
             if scene.mps.relight.lamp is None:
                 run_operator(bpy.ops.mps.relight)
         self.tell("The object has the photo's normals as its texture. To stop the lamp press Relight in 4 Bake")

@@ -7,12 +7,13 @@ from typing import Any
 
 import bpy
 from bpy.props import IntProperty
-from mathutils import Euler, Vector
+from mathutils import Euler, Quaternion, Vector
 
 from mpsnet_core.errors import Cancelled
 from mpsnet_core.io.files import ensure_folder
 
 from ..operators.chain import Call, RunsSteps, run_operator
+from ..operators.core_run import idle
 from ..outputs import file_name, requested_path
 from ..scene.objects import by_session_uid
 from ..settings.declared import FolderSetting
@@ -70,14 +71,13 @@ class MPS_OT_try_it(RunsSteps, bpy.types.Operator):
         self._before = context.scene.session_uid
         scene, detailed, low = make_demo()
         self._scene_uid, self._shown = scene.session_uid, {detailed.session_uid: False, low.session_uid: True}
+        scene.mps.before = context.scene
         context.window.scene = scene
         scene.mps.photo.width = scene.mps.photo.height = self.pixels
         detailed.select_set(True)
         run_operator(bpy.ops.mps.add_rig)
         scene.mps.bake.target = low
-        for view in _viewports(context):
-            view.view_location, view.view_distance, view.view_rotation = Vector(), _AWAY, _LOOK
-            view.view_perspective = "PERSP"
+        look_at(context, Vector(), _AWAY, _LOOK)
 
     def _photograph(self, context: Any) -> Call:
         return "render_photo", {"samples": self.samples, "output": self._file(context, "photo.exr")}
@@ -114,7 +114,29 @@ class MPS_OT_try_it(RunsSteps, bpy.types.Operator):
         return str(folder / f"{file_name(self._demo(context).name)}_{name}")
 
 
-def _viewports(context: Any) -> list[Any]:
-    """The views of the window's 3D viewports."""
-    areas = context.window.screen.areas if context.window else ()
-    return [area.spaces.active.region_3d for area in areas if area.type == "VIEW_3D"]
+class MPS_OT_back_to_scene(bpy.types.Operator):
+    """Show the scene again in which Try It was pressed. The demo's scene stays in the file"""
+
+    bl_idname = "mps.back_to_scene"
+    bl_label = "Back to My Scene"
+    bl_options = {"UNDO"}
+
+    @classmethod
+    def poll(cls, context: Any) -> bool:
+        return idle(cls, context) and context.scene.mps.before is not None and context.window is not None
+
+    def execute(self, context: Any) -> set[Any]:
+        before = context.scene.mps.before
+        if context.scene.mps.relight.lamp is not None:
+            run_operator(bpy.ops.mps.relight)
+        context.window.scene = before
+        return {"FINISHED"}
+
+
+def look_at(context: Any, centre: Vector, away: float, rotation: Quaternion) -> None:
+    """Let the window's 3D viewports look at a point from a distance, turned as a camera is."""
+    for area in context.window.screen.areas if context.window else ():
+        if area.type == "VIEW_3D":
+            view = area.spaces.active.region_3d
+            view.view_location, view.view_distance, view.view_rotation = centre, away, rotation
+            view.view_perspective = "PERSP"

@@ -46,10 +46,7 @@ class MakesTextures(TakesMesh):
         provenance="none",  # recorded per texture
     )
     size: str = option(
-        default=f"{TEXTURE_SIZE}",
-        metavar="SIDE|WIDTHxHEIGHT",
-        help="size of the texture in pixels",
-        numbers=True,
+        default=f"{TEXTURE_SIZE}", metavar="SIDE|WIDTHxHEIGHT", help="size of the texture in pixels", numbers=True
     )
     space: Literal["tangent", "object"] = option(
         default="tangent",
@@ -149,8 +146,7 @@ class BakesDetail(MakesTextures):
         help="fraction of the photos' relief that is added to the object's own surface: 1 as it is, 0 none",
     )
     fill: bool = option(
-        default=False,
-        help="fill what no view sees, by continuing the relief around it smoothly within each UV island",
+        default=False, help="fill what no view sees, by continuing the relief around it smoothly within each UV island"
     )
     coverage: str | None = option(
         default=None,

@@ -71,7 +71,7 @@ class Scan(TakesMesh, RunsModel, ReadsPhotos):
         place: dict[str, Any] = {"camera": camera}
         aligned = Align(**self._shared(Align), image=self.image, overlay=overlay, output=camera)
         aligned.run(part(progress, 0.0, 0.4))
-        lights = CalibrateMesh(**self._shared(CalibrateMesh), **place, image=self.image, output=rig)
+        lights = CalibrateMesh(**self._shared(CalibrateMesh), **place, image=(self.image,), output=rig)
         lights.run(part(progress, 0.4, 0.5))
         options = self._shared(Estimate) | {"mesh": None, "focal": None}
         estimate = Estimate(**options, **place, image=(self.image,), rig=rig, output=normals)

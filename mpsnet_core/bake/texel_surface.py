@@ -144,10 +144,7 @@ def _scaled_to_unit(vectors: NDArray[np.float32]) -> NDArray[np.float32]:
 
 
 def _to_tangent_space(
-    vectors: NDArray[np.float32],
-    normal: NDArray[np.float32],
-    tangent: NDArray[np.float32],
-    sign: NDArray[np.float32],
+    vectors: NDArray[np.float32], normal: NDArray[np.float32], tangent: NDArray[np.float32], sign: NDArray[np.float32]
 ) -> NDArray[np.float32]:
     """Solve ``v = x T + y B + z N`` up to scale, with the interpolated, unnormalised T and N, and B = sign N x T.
 

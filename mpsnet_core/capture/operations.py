@@ -207,7 +207,7 @@ class Superpose(ReadsPictures):
         "rig's order; photos of a folder or pattern are sorted by number",
     )
     output: str = option(
-        help="the photo under all lights: .exr, or a float .tif; with --channels also .png (sRGB, 16 bits)",
+        help="the photo under all lights: .exr, or a float .tif; with --channels also .png (sRGB, 16 bits)"
     )
 
     def run(self, progress: Progress = silent) -> PhotoMade:

@@ -272,10 +272,7 @@ def _reach(values: NDArray[np.float64], noise: NDArray[np.float64], rig: LightRi
     reached = float((~dark.any(axis=1)).mean())
     by_light = 1 - dark.mean(axis=0)
     level = _level(reached, REACHED)
-    figures: Figures = {
-        "all_lights": round(reached, 4),
-        "each_light": _listed(by_light),
-    }
+    figures: Figures = {"all_lights": round(reached, 4), "each_light": _listed(by_light)}
     unseen = " and the ".join(name for name, known in zip(CHANNELS, seen, strict=True) if not known)
     lights = f"all lights but the {unseen} one, too dark to tell," if unseen else "all three lights"
     words = f"{lights} reach {reached:.0%} of the object"
@@ -321,11 +318,7 @@ def _focus(pixels: NDArray[np.floating[Any]], mask: NDArray[np.bool_], noise: ND
 
 
 def _sharpest_edges(
-    pixels: NDArray[np.floating[Any]],
-    mask: NDArray[np.bool_],
-    noise: NDArray[np.float64],
-    factor: int,
-    outline: bool,
+    pixels: NDArray[np.floating[Any]], mask: NDArray[np.bool_], noise: NDArray[np.float64], factor: int, outline: bool
 ) -> float | None:
     """Standard deviation of the blur in pixels, at the sharpest edges of paint and outline, or of the outline alone.
 

@@ -13,13 +13,7 @@ from mpsnet_core.arrays.unit_vectors import normalised
 from mpsnet_core.arrays.upsample import chosen_pixels, upsampled
 from mpsnet_core.capture.capture import Capture
 from mpsnet_core.estimate.card import ModelCard
-from mpsnet_core.estimate.features import (
-    CONSTANTS,
-    PhotoCrop,
-    channel_count,
-    feature_map,
-    mean_light,
-)
+from mpsnet_core.estimate.features import CONSTANTS, PhotoCrop, channel_count, feature_map, mean_light
 from mpsnet_core.estimate.light_frame import CAMERA_FRAME, LightFrame, canonical_frames
 from mpsnet_core.io.image import storage_type
 from mpsnet_core.progress import Progress, part
@@ -181,10 +175,7 @@ class _Photo:
 
     def _photo_pixels(self, rows: slice, columns: slice, halving: int) -> Window:
         first, second = (
-            slice(
-                side.start + (part.start << halving),
-                min(side.start + (part.stop << halving), side.stop),
-            )
+            slice(side.start + (part.start << halving), min(side.start + (part.stop << halving), side.stop))
             for side, part in zip(self.box, (rows, columns), strict=True)
         )
         return first, second

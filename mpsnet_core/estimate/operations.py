@@ -37,9 +37,7 @@ class RunsModel(Operation):
     heading: ClassVar[str] = "the model"
 
     model: str = option(
-        default=DEFAULT_MODEL,
-        help="model that estimates the normals, by name or as an .onnx file",
-        provenance="none",
+        default=DEFAULT_MODEL, help="model that estimates the normals, by name or as an .onnx file", provenance="none"
     )
     provider: str = option(
         default="cpu",
@@ -201,12 +199,7 @@ class Estimate(RunsModel, HasViewpoint, ReadsPhotos):
     def run(self, progress: Progress = silent) -> NormalsMade | FramesMade:
         """Write the normal map of one photo, or those of several, of numbered frames or of a video."""
         from mpsnet_core.io.files import check_no_overwrite, writable_image
-        from mpsnet_core.io.frames import (
-            expand_images,
-            is_folder_or_pattern,
-            is_video,
-            output_files,
-        )
+        from mpsnet_core.io.frames import expand_images, is_folder_or_pattern, is_video, output_files
 
         white_light, photos = self._white_light(), expand_images(self.image)
         inputs = [*photos, *self.inputs(self.rig, self.camera, self.mesh, *self.white, mask=self.mask)]

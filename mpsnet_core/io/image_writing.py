@@ -70,12 +70,7 @@ def write_image(
 
 
 def write_photo(
-    path: str | os.PathLike[str],
-    photo: Image,
-    *,
-    bits: int | None,
-    linear: bool = True,
-    description: str | None = None,
+    path: str | os.PathLike[str], photo: Image, *, bits: int | None, linear: bool = True, description: str | None = None
 ) -> None:
     """Write a photo that was made of others, with its alpha. If its encoding is assumed, the file says so.
 

@@ -7,6 +7,7 @@ from typing import ClassVar, Literal
 from mpsnet_core.capture.operations import HasLens, HasViewpoint, ReadsPhotos
 from mpsnet_core.defaults import (
     BEND,
+    BY_PHOTO,
     CONVENTIONS,
     CURVATURE_RADIUS,
     FACES,
@@ -23,7 +24,6 @@ from mpsnet_core.defaults import (
 )
 from mpsnet_core.errors import SettingsError
 from mpsnet_core.estimate.operations import RunsModel
-from mpsnet_core.estimate.registry import LAMBERTIAN_GREY_WORLD
 from mpsnet_core.operation import Operation, Result, option, settings
 from mpsnet_core.progress import Progress, silent
 
@@ -99,10 +99,7 @@ class MakesProducts(Operation):
         unset="z with a camera file, else y",
     )
     curvature: str | None = option(
-        default=None,
-        metavar="FILE",
-        help="curvature map: edges are bright, creases dark",
-        provenance="none",
+        default=None, metavar="FILE", help="curvature map: edges are bright, creases dark", provenance="none"
     )
     curvature_radius: int = option(
         default=CURVATURE_RADIUS, metavar="PIXELS", help="the broadest shapes that the curvature map shows"
@@ -153,10 +150,7 @@ class DisplacesMesh(Operation):
         help="what the texture's normals are relative to",
     )
     base: str | None = option(
-        default=None,
-        metavar="MESH",
-        help="mesh to displace, if it is the same one subdivided",
-        provenance="content",
+        default=None, metavar="MESH", help="mesh to displace, if it is the same one subdivided", provenance="content"
     )
     object_space: str | None = option(
         default=None,
@@ -174,10 +168,7 @@ class DisplacesMesh(Operation):
     )
     mean: float | None = option(default=None, help="mean of the heights", unset="the surface stays where it is")
     margin: int = option(
-        default=MARGIN,
-        low=0,
-        high=MAX_TEXTURE_SIZE,
-        help="pixels by which the heights extend beyond the UV islands",
+        default=MARGIN, low=0, high=MAX_TEXTURE_SIZE, help="pixels by which the heights extend beyond the UV islands"
     )
 
 
@@ -258,11 +249,10 @@ class MakeMaterial(MeasuresPhoto, RunsModel, HasViewpoint, ReadsPhotos):
         positional=True, help="photo of a flat material that fills the photo, or its --crop", provenance="files"
     )
     rig: str = option(help="rig file (.json, or .lp with three lights)", provenance="content")
-    # On cloth and leather, matt and lit by all three lights, equation 2 recovers more than networks trained on whole
-    # objects.
     model: str = option(
-        default=LAMBERTIAN_GREY_WORLD,
-        help="model that estimates the normals, by name or as an .onnx file",
+        default=BY_PHOTO,
+        help="model that estimates the normals, by name or as an .onnx file; auto: lambertian-grey-world where the "
+        "photo shows a matt material, the default network where it shows a glossy one",
     )
     crop: str | None = option(
         default=None, metavar="X,Y,W,H", help="the part of the photo to use, from its upper left corner", numbers=True

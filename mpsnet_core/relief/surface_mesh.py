@@ -199,11 +199,7 @@ def _write_obj(path: Path, name: str, vertices: Floats, normals: Floats, mesh: S
     """Write OBJ without trimesh, whose 8 decimals are too few for small units, and which names a missing material."""
     corners = np.repeat(mesh.triangles + 1, 3, axis=1)
     position = " ".join(["%.15g" if _is_far(vertices) else "%.9g"] * 3)
-    blocks = (
-        (f"v {position}", vertices),
-        ("vt %.7g %.7g", mesh.uvs),
-        ("vn %.5g %.5g %.5g", normals),
-    )
+    blocks = ((f"v {position}", vertices), ("vt %.7g %.7g", mesh.uvs), ("vn %.5g %.5g %.5g", normals))
     with path.open("w", encoding="ascii") as file:
         for form, values in (*blocks, ("f" + " %d/%d/%d" * 3, corners)):
             np.savetxt(file, values, form)

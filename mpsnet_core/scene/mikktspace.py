@@ -20,10 +20,7 @@ FAR = 16
 
 
 def mikktspace_tangents(
-    corners: ArrayLike,
-    normals: ArrayLike,
-    uvs: ArrayLike,
-    polygons: NDArray[np.integer[Any]] | None = None,
+    corners: ArrayLike, normals: ArrayLike, uvs: ArrayLike, polygons: NDArray[np.integer[Any]] | None = None
 ) -> NDArray[np.float32]:
     """Tangent and bitangent sign for every corner of every triangle.
 

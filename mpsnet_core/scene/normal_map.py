@@ -122,10 +122,7 @@ def write_normals(
 
 
 def read_normals(
-    path: str | os.PathLike[str],
-    *,
-    convention: Convention = "opengl",
-    confidence: str | os.PathLike[str] | None = None,
+    path: str | os.PathLike[str], *, convention: Convention = "opengl", confidence: str | os.PathLike[str] | None = None
 ) -> NormalMap:
     """Read camera-space normals written by :func:`write_normals`, or any such map.
 

@@ -67,11 +67,7 @@ class Visibility:
             self.planes[..., 2] = (below - above) / 2
 
     def seen(
-        self,
-        points: NDArray[np.float32],
-        x: NDArray[np.float32],
-        y: NDArray[np.float32],
-        depth: NDArray[np.float32],
+        self, points: NDArray[np.float32], x: NDArray[np.float32], y: NDArray[np.float32], depth: NDArray[np.float32]
     ) -> NDArray[np.bool_]:
         """(N,) visibility of points (3, N), relative to the scene's centre, at pixels x and y (N,) of the image.
 

@@ -10,6 +10,7 @@ from mathutils.bvhtree import BVHTree
 
 from blender_addon.appearance.modifiers import move_by_modifier
 from blender_addon.appearance.nodes import DISPLACEMENT_NODE, find_node
+from blender_addon.settings.record import notes_of
 from mpsnet_core.io.image_writing import write_image
 from mpsnet_core.scene.normal_encoding import encode
 
@@ -361,3 +362,26 @@ def test_the_photos_heights_stand_where_the_object_stands(estimated, scene, tmp_
     assert np.ptp(scene.mps.heights.image.preview.image_pixels_float[:]) == pytest.approx(1, abs=0.01)
     for name in ("h_curvature.png", "h_occlusion.png", "h_relit.png", "h.exr.json"):
         assert (tmp_path / name).is_file()
+
+
+@pytest.fixture
+def waves(scene, tmp_path):
+    """A plate of 8 x 8 faces and side 2, with a texture of waves of an eighth of it, 0.02 high from crest to trough."""
+    bpy.ops.mesh.primitive_grid_add(x_subdivisions=8, y_subdivisions=8, size=2)
+    place = (np.arange(256) + 0.5) / 256 * 2
+    slope = np.broadcast_to(0.01 * 8 * np.pi * np.cos(8 * np.pi * place), (256, 256))
+    normals = np.stack([-slope, np.zeros_like(slope), np.ones_like(slope)], axis=-1)
+    write_image(tmp_path / "waves.png", encode(normals / np.linalg.norm(normals, axis=-1, keepdims=True)))
+    scene.mps.bake.image = bpy.data.images.load(str(tmp_path / "waves.png"))
+    return bpy.context.object
+
+
+def test_by_its_defaults_the_relief_that_the_texture_shows_is_there(waves, tmp_path):
+    bpy.ops.mps.displace(method="MODIFIER", output=str(tmp_path / "h.exr"))
+    assert np.ptp(world_points(waves)[:, 2]) == pytest.approx(0.02, rel=0.25)
+    assert not any("hardly" in note for note in notes_of(bpy.context.scene, "displace"))
+
+
+def test_what_would_not_show_is_said(waves, tmp_path):
+    bpy.ops.mps.displace(method="MODIFIER", scale=0.01, levels=2, output=str(tmp_path / "h.exr"))
+    assert any("hardly shows" in note for note in notes_of(bpy.context.scene, "displace"))

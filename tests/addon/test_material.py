@@ -8,6 +8,8 @@ import numpy as np
 import pytest
 from flat_weave import Weave
 
+from blender_addon.photo.studio import _studio
+from blender_addon.scene.surfaces import box_of
 from mpsnet_core import published_rig, read_image, write_image, write_rig
 from mpsnet_core.arrays.unit_vectors import normalised
 from mpsnet_core.io.image_reading import read_channel
@@ -186,3 +188,17 @@ def test_what_is_missing_is_reported(opened, scene):
     with pytest.raises(RuntimeError, match="is a file; name a folder for the material"):
         bpy.ops.mps.make_material(width=0.054, output=str(opened / "file"))
     assert scene.mps.material.plane is None
+
+
+def test_its_plane_lies_beside_the_photos_object_and_is_in_no_photo(sphere, scene, tmp_path):
+    bpy.ops.mps.add_rig()
+    bpy.ops.mps.render_photo(width=64, height=64, samples=4, output=str(tmp_path / "photo.exr"))
+    write_image(tmp_path / "weave.exr", WEAVE.capture(np.full((*WEAVE.shape, 3), 0.5)).image)
+    write_rig(tmp_path / "weave.rig.json", published_rig())
+    bpy.ops.mps.open_photo(filepath=str(tmp_path / "weave.exr"))
+    bpy.ops.mps.make_material(width=0.054, output=str(tmp_path / "out"))
+    bpy.context.view_layer.update()
+    plane = scene.mps.material.plane
+    assert box_of(plane)[0, 0] > box_of(sphere)[1, 0]
+    with _studio(scene) as studio:
+        assert sphere.name in studio.objects and plane.name not in studio.objects

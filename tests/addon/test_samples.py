@@ -64,10 +64,7 @@ def sphere(radius: float = 1.0, centre: tuple[float, float, float] = (0, 0, 0), 
     triangles = np.concatenate(
         [
             np.stack(t, -1)[k].reshape(-1, 3)
-            for k, t in (
-                (np.s_[:, :-1], (a, a + 1, b + 1)),
-                (np.s_[:, 1:], (a, b + 1, b)),
-            )
+            for k, t in ((np.s_[:, :-1], (a, a + 1, b + 1)), (np.s_[:, 1:], (a, b + 1, b)))
         ]
     ).astype(np.int32)
     return smooth_shape(points * radius + centre, triangles, points)

@@ -83,9 +83,7 @@ def test_every_setting_survives_saving_and_loading(sphere, scene, tmp_path):
     assert len(changed) > 80
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "scene.blend"))
     done = subprocess.run(
-        [sys.executable, "-c", READS, tmp_path / "scene.blend", __file__],
-        capture_output=True,
-        text=True,
+        [sys.executable, "-c", READS, tmp_path / "scene.blend", __file__], capture_output=True, text=True
     )
     (line,) = [line for line in done.stdout.splitlines() if line.startswith("found:")] or [done.stderr]
     assert json.loads(line.removeprefix("found:")) == json.loads(json.dumps(changed))

@@ -4,7 +4,6 @@ import json
 import os
 import re
 import shlex
-import shutil
 import signal
 import subprocess
 import sys
@@ -18,7 +17,7 @@ from conftest import Mpsnet
 from networks import pass_through
 from numpy.typing import NDArray
 from progress_lines import events
-from synthetic import Sphere, degrees_between, diligent_object, listing, named, write_file, write_parts
+from synthetic import Sphere, degrees_between, listing, named, write_file, write_parts
 
 from mpsnet_core.capture.open import read_capture
 from mpsnet_core.cli.command import EXAMPLES, OPERATIONS, argument_parser
@@ -127,18 +126,6 @@ def test_bad_input_is_one_line_and_exit_code_2(tmp_path: Path, mpsnet: Mpsnet, p
     assert done.stderr == f"mpsnet: {sentence}\n"
     assert [json.loads(line)["error"] for line in done.stdout.splitlines()] == [sentence] * (style == "json")
     assert not out.exists()
-
-
-def test_models_are_listed(mpsnet: Mpsnet) -> None:
-    done = mpsnet("models", "--progress", "json")
-    assert done.returncode == 0
-    models = events(done.stdout)[1]["result"]["models"]
-    offered = [model["name"] for model in models if not model["comparison"]]
-    compared = [model["name"] for model in models if model["comparison"]]
-    assert "multiscale" in offered and "lambertian-grey-world" in compared
-    first, _, second = mpsnet("models").stdout.partition("\nto compare with")
-    assert [line.split()[0] for line in first.splitlines() if line] == offered
-    assert [line.split()[0] for line in second.splitlines()[1:]] == compared
 
 
 def test_an_unknown_verb_gets_those_that_the_help_lists(mpsnet: Mpsnet) -> None:
@@ -289,16 +276,6 @@ class TestCancelling:
         assert 0 < len(written) < self.FRAMES
         assert written == [f"frame_{number:04d}_normals.png" for number in range(len(written))]
         assert read_normals(out / written[-1]).mask.all()
-
-    def test_an_evaluation_leaves_nothing(self, tmp_path: Path) -> None:
-        data = tmp_path / "pmsData"
-        diligent_object(data, "ball")
-        for name in ("bear", "buddha", "cat", "cow", "goblet"):
-            shutil.copytree(data / "ballPNG", data / f"{name}PNG")
-        many = [part for _ in range(50) for part in ("--lights", "1,2,3")]
-        out = ["--json", tmp_path / "rows.json", "-o", tmp_path / "report.html"]
-        self.cancel(self.start("evaluate", "diligent", data, *many, *out), signal.SIGTERM, after=3)
-        assert listing(tmp_path) == ["pmsData"]
 
 
 def test_an_empty_argument_is_not_this_folder(mpsnet: Mpsnet, rig_file: Path, tmp_path: Path) -> None:

@@ -4,7 +4,6 @@ import gc
 import os
 import shutil
 import signal
-import socket
 import subprocess
 import threading
 import time
@@ -134,32 +133,6 @@ def test_a_cluster_that_is_refused_leaves_no_job_that_it_began(tmp_path: Path, m
     for words in (begin, resume):
         assert main([*words, "--cluster", "tcp://127.0.0.1:1"]) == 2
     assert not (tmp_path / "new").exists() and (tmp_path / "begun" / "job.json").is_file()
-
-
-@pytest.mark.parametrize(
-    ("words", "told"),
-    [
-        (b"", "it does not answer"),
-        (b"HTTP/1.0 200 OK\r\n\r\n" * 9, "Unable to allocate .*"),
-        (b"\xff" * 99, "Maximum .* exceeded"),
-    ],
-)
-def test_a_port_where_something_else_answers_is_reported(
-    tmp_path: Path, words: bytes, told: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(dask, "CONNECT_SECONDS", 0.2)
-    with socket.create_server(("127.0.0.1", 0)) as server:
-        address = f"tcp://127.0.0.1:{server.getsockname()[1]}"
-
-        def answer() -> None:
-            with server.accept()[0] as caller:
-                caller.sendall(words)
-                while caller.recv(4096):
-                    pass
-
-        threading.Thread(target=answer, daemon=True).start()
-        with pytest.raises(InputError, match=rf"no Dask scheduler answers at {address} \({told}\)"):
-            make_samples(tmp_path, job(1), COMMAND, cluster=address)
 
 
 @pytest.mark.parametrize("address", ["tcp://10.0.0.1:8786", "127.0.0.1.evil.example:8786", "wss://10.0.0.1:8786"])

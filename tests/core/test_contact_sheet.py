@@ -7,11 +7,9 @@ import numpy as np
 import OpenImageIO as oiio
 import pytest
 from bad_input import cut, gets_one_clear_sentence
-from conftest import Mpsnet
-from progress_lines import events
 from sphere_sample import RED, sphere_sample
 from stand_in import COMMAND
-from synthetic import listing, write_file
+from synthetic import write_file
 
 from mpsnet_core.synthesis.contact_sheet import (
     LIT_COLOURS,
@@ -102,27 +100,6 @@ def test_a_folder_in_numbers(folder: Path, sample: Sample) -> None:
         for a, b in zip(count, dark, strict=True)
     )
     assert str(summary).startswith("4 sample(s), 2 by Cycles, 2 by a test\npixels reached by three lights ")
-
-
-def test_show_writes_into_the_current_folder(
-    mpsnet: Mpsnet, folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    before, sheet = listing(folder), f"{folder.name}_sheet.png"
-    done = mpsnet("show", folder, "--progress", "json")
-    assert (done.returncode, done.stderr) == (0, "")
-    told, last = events(done.stdout)
-    assert told == sorted(told) and told[-1] == 1
-    result = last["result"]
-    assert result["output"] == sheet and listing(folder) == before
-    assert (result["samples"], len(result["skipped"])) == (4, 2)
-    assert round(pixels(tmp_path / sheet).shape[0] / ROW) == 4
-    one = mpsnet("show", folder / "sample_000003.exr", folder / "sample_000004.exr")
-    assert one.returncode == 0
-    assert one.stdout.splitlines()[-1] == "sample_000003_sheet.png"
-    assert one.stdout.startswith("2 sample(s), 2 by Cycles")
-    assert "skipped" not in one.stdout
-    assert mpsnet("show", folder / "sample_00000?.exr").stdout.startswith("4 sample(s)")
 
 
 def test_the_contact_sheet_shows_the_samples_that_there_are(tmp_path: Path, sample: Sample) -> None:

@@ -1,7 +1,6 @@
 """The farm with a worker that stands in for a renderer: what it makes, tells, survives and leaves behind."""
 
 import os
-import random
 import signal
 import threading
 import time
@@ -9,7 +8,7 @@ from pathlib import Path
 
 import pytest
 from farm_runs import alive, job, posix, start, until, workers
-from stand_in import COMMAND, KILL, begun, whole
+from stand_in import COMMAND, begun, whole
 from synthetic import left_by, listing
 
 from mpsnet_core.errors import Cancelled, InputError
@@ -259,31 +258,3 @@ def test_two_runs_share_a_folder_and_no_sample_is_made_twice(tmp_path: Path) -> 
     assert {number: len(pids) for number, pids in begun(tmp_path).items()} == dict.fromkeys(range(60), 1)
     assert len(workers(tmp_path)) == 4
     assert whole(tmp_path) == set(range(60))
-
-
-@pytest.mark.long
-def test_killing_workers_at_random_moments_leaves_whole_samples_only(tmp_path: Path) -> None:
-    """Twenty kills, which may hit a sample twice: then it is told, and the next run makes it."""
-    (tmp_path / "slow").write_text("0.02")
-    chance, kills, looks = random.Random(3), 0, []
-    done = threading.Event()
-
-    def kill() -> None:
-        nonlocal kills
-        while kills < 20 and not done.wait(0.12 * chance.random()):
-            living = [pid for pid in sorted(workers(tmp_path)) if alive(pid)]
-            if living:
-                os.kill(chance.choice(living), KILL)
-                kills += 1
-                looks.append(whole(tmp_path))
-
-    killer = threading.Thread(target=kill)
-    killer.start()
-    outcome = run(tmp_path, 200)
-    done.set()
-    killer.join()
-    assert kills == 20 and len(looks[-1]) > len(looks[0])
-    assert whole(tmp_path) == set(range(200)) - set(outcome.failed)
-    assert unfinished(tmp_path) == []
-    run(tmp_path, 200)
-    assert whole(tmp_path) == set(range(200))

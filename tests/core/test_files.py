@@ -134,38 +134,6 @@ def test_a_folder_that_takes_no_files_is_reported_before_the_work(place: Callabl
     assert listing(tmp_path) == []
 
 
-FULL_DISK = """
-import resource, sys
-import numpy as np
-from pathlib import Path
-from mpsnet_core.errors import InputError
-from mpsnet_core.io.files import write_json
-from mpsnet_core.io.image_writing import write_image
-
-resource.setrlimit(resource.RLIMIT_FSIZE, (4096, 4096))
-path = Path(sys.argv[1])
-try:
-    if path.suffix == ".json":
-        write_json(path, {"numbers": list(range(10000))})
-    else:
-        write_image(path, np.random.default_rng(0).random((128, 128, 4)))
-except InputError as error:
-    sys.exit(f"refused: {error}")
-"""
-
-
-@pytest.mark.skipif(sys.platform == "win32", reason="file size limits are POSIX")
-@pytest.mark.parametrize("suffix", [".json", ".png", ".tif", ".exr"])
-def test_a_disk_that_fills_up_leaves_the_old_file_and_no_litter(tmp_path: Path, suffix: str) -> None:
-    target = tmp_path / f"result{suffix}"
-    target.write_text("old")
-    done = subprocess.run([sys.executable, "-c", FULL_DISK, target], capture_output=True, text=True, timeout=60)
-    assert done.returncode == 1
-    assert done.stderr.startswith(f"refused: cannot write {target}") and "Traceback" not in done.stderr
-    assert target.read_text() == "old"
-    assert listing(tmp_path) == [target.name]
-
-
 def killed_while_writing(path: Path) -> tuple[int, Path]:
     """The number of a process that ended in the middle of writing a file, and what it left."""
     code = "import os, sys; from mpsnet_core.io.files import atomic_write\n" + (

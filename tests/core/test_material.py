@@ -28,6 +28,8 @@ from mpsnet_core.relief.material.albedo import estimated_albedo
 from mpsnet_core.relief.material.flatten import flatten_albedo, flatten_normals
 from mpsnet_core.relief.material.gradients import normals_of, periodic_height
 from mpsnet_core.relief.material.material import crop_to_filled_part, flat_material
+from mpsnet_core.relief.material.material_files import normals_by_photo
+from mpsnet_core.relief.operations import MakeMaterial
 from mpsnet_core.scene.normal_encoding import read_vectors
 
 # --- laid flat --------------------------------------------------------------------------------------------------------
@@ -345,3 +347,26 @@ def test_a_material_of_another_photos_normals_is_refused():
         flat_material(weave.capture(), small, 0.2)
     with pytest.raises(InputError, match="a pixel measures some millimetres above 0, not 0"):
         flat_material(weave.capture(), weave.normal_map(), 0)
+
+
+@pytest.mark.parametrize("make", [leather, woven])
+@pytest.mark.parametrize("shine", [0.0, 0.25])
+def test_the_model_of_materials_is_the_better_one_for_what_the_photo_shows(make, shine):
+    """Brown, matt or with a sheen (Blinn and Phong), which no model is told."""
+    swatch, rig = make((200, 240), 0.2, seed=4), published_rig()
+    photo = photographed(replace(swatch, albedo=swatch.albedo * np.float32([0.6, 0.35, 0.2])), rig, noise=0.002)
+    half = normalised(rig.directions + np.array([0, 0, 1]))
+    light = np.maximum(swatch.normals @ rig.directions.T, 0)
+    sheen = shine * np.maximum(swatch.normals @ half.T, 0) ** 20 * light
+    capture = Capture((photo + sheen @ rig.mixing.T).astype(np.float32), np.ones(photo.shape[:2], bool), rig)
+    options = MakeMaterial(image="swatch.exr", rig="rig.json", output="out")
+    assert options.model == "auto"
+    chosen, *others = (
+        degrees_between(normals.vectors, swatch.normals).mean()
+        for normals in (
+            normals_by_photo(options, capture),
+            *(estimate_normals(capture, model) for model in ("lambertian-grey-world", "multiscale")),
+        )
+    )
+    assert chosen == min(others), others
+    assert others[1] < 0.6 * others[0] if shine else others[0] < others[1]

@@ -127,16 +127,6 @@ def test_other_files_are_named_for_what_they_are(tmp_path: Path, start: bytes, k
         read_image(tmp_path / f"photo{suffix}")
 
 
-@pytest.mark.parametrize("compression", [50000, 34887, 34925])  # ZSTD, LERC, LZMA
-def test_a_tiff_of_an_unknown_compression_is_not_called_damaged(tmp_path: Path, compression: int) -> None:
-    tags = {256: 8, 257: 4, 258: 8, 259: compression, 262: 2, 273: 200, 277: 3, 278: 4, 279: 100}
-    entries = b"".join(struct.pack("<HHII", tag, 4, 1, value) for tag, value in tags.items())
-    head = b"II*\0" + struct.pack("<IH", 8, len(tags)) + entries + bytes(4)
-    (tmp_path / "photo.tif").write_bytes(head.ljust(200, b"\0") + bytes(100))
-    with pytest.raises(FormatError, match=r"photo\.tif .*not supported .*save it with LZW or ZIP"):
-        read_image(tmp_path / "photo.tif")
-
-
 def test_of_a_tiffs_pages_the_largest_is_read(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
     caplog.set_level("INFO")
     path, pages = tmp_path / "photo.tif", (PIXELS[:3, :4], PIXELS, PIXELS[:2, :2])

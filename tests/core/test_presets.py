@@ -61,13 +61,6 @@ def test_in_a_folder_each_preset_names_and_writes_its_file(name: str, tilted: li
     assert set(EXPECTED) == set(PRESETS)
 
 
-def test_a_folder_that_is_not_there_is_made_and_a_file_name_stays(tilted: list[str], tmp_path: Path) -> None:
-    assert main([*tilted, "--preset", "unreal", "-o", f"{tmp_path / 'new'}/"]) == 0
-    assert (tmp_path / "new" / "T_HeroHead_N.png").is_file()
-    assert main([*tilted, "--preset", "unreal", "-o", str(tmp_path / "mine.png")]) == 0
-    assert middle_green(tmp_path / "mine.png") < 0.5
-
-
 def test_what_is_given_wins_over_the_preset(tilted: list[str], tmp_path: Path) -> None:
     out = tmp_path / "out"
     assert main([*tilted, "--preset", "unreal", "--convention", "opengl", "--bits", "8", "-o", str(out)]) == 0

@@ -2,11 +2,7 @@
 
 import json
 import os
-import random
-import signal
 import subprocess
-import sys
-import time
 from pathlib import Path
 from typing import Any
 
@@ -458,35 +454,3 @@ def test_one_frame_of_a_folder_or_pattern_is_a_sequence(tmp_path: Path, mpsnet: 
     told = result(mpsnet(*command, tmp_path / "normals.exr"))  # a file, too, as of one photo
     assert (told["made"], told["outputs"]) == (1, [str(tmp_path / "normals.exr")])
     np.testing.assert_array_equal(read_normals(tmp_path / "normals.exr").mask, half)
-
-
-@pytest.mark.skipif(sys.platform == "win32", reason="POSIX signals")
-@pytest.mark.long
-def test_killed_again_and_again_it_leaves_no_gap_and_no_duplicate(tmp_path: Path, rig: Path) -> None:
-    """SIGKILL at random moments; what is there in the end is, to the byte, what one run without any end gives."""
-    shots(tmp_path / "shots", range(1, 25), "uint16")
-    command = [sys.executable, "-m", "mpsnet_core", "estimate", str(tmp_path / "shots" / "frame_####.png")]
-    command += ["--rig", str(rig), "--model", "lambertian", "--smooth", "2", "--progress", "json", "-o"]
-    subprocess.run([*command, str(tmp_path / "whole")], check=True, capture_output=True)
-    moments, kills, out = random.Random(3), 0, tmp_path / "out"
-    for _ in range(40):
-        child = subprocess.Popen([*command, str(out)], stdout=subprocess.PIPE, text=True)
-        assert child.stdout is not None
-        for line in child.stdout:  # at work: some lines on, and some way into what comes next
-            if "result" in line or moments.random() < 0.12:
-                break
-        time.sleep(moments.random() * 0.01)
-        child.send_signal(signal.SIGKILL)
-        child.stdout.close()
-        kills += child.wait() == -signal.SIGKILL
-        if out.is_dir() and len([name for name in listing(out) if name.startswith("frame")]) == 24:
-            break
-        assert all(
-            (out / name).read_bytes() == (tmp_path / "whole" / name).read_bytes()
-            for name in (listing(out) if out.is_dir() else [])
-            if name.startswith("frame")
-        )
-    assert kills >= 3
-    subprocess.run([*command, str(out)], check=True, capture_output=True)
-    assert contents(out) == contents(tmp_path / "whole")
-    assert len(listing(out)) == 24

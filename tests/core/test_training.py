@@ -347,19 +347,3 @@ def test_the_mean_of_the_weights_is_what_becomes_the_model(ball: Path, tmp_path:
     for ema, same_bits in ((0.0, True), (0.9, False)):
         mean, last = network_of(ema)
         assert all(torch.equal(mean[name], last[name]) for name in mean) == same_bits
-
-
-@pytest.mark.parametrize(
-    ("network", "changes", "words"),
-    [
-        ("multiscale", {"crop": 40}, "on a crop of 40; choose a multiple of 16 from 32"),
-        ("psfcn", {"patches": 3}, "psfcn does not see patches; leave them out"),
-        ("mpsnet", {"patches": 0}, "mpsnet sees patches; say in the recipe how many"),
-    ],
-)
-def test_pictures_that_a_network_does_not_take_are_reported(
-    network: str, changes: dict[str, Any], words: str, ball: Path, tmp_path: Path
-) -> None:
-    with pytest.raises(InputError) as caught:
-        run(recipe(network, **changes), ball, tmp_path / "c")
-    assert words in str(caught.value)

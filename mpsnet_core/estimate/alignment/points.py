@@ -152,12 +152,7 @@ def _starts(pixels: Floats, points: Floats, used: NDArray[np.bool_], centre: Flo
 
 
 def _solved(
-    poses: Poses,
-    pixels: Floats,
-    points: Floats,
-    weight: Floats,
-    prior: tuple[float, float] | None,
-    steps: int,
+    poses: Poses, pixels: Floats, points: Floats, weight: Floats, prior: tuple[float, float] | None, steps: int
 ) -> tuple[Poses, Floats]:
     """Poses (K) that project points to pixels, and their sums of squares (K,), by damped Gauss-Newton.
 

@@ -194,16 +194,7 @@ def _scale(estimate: NormalMap, longest: int) -> _Scale:
     inside = shares >= 0.5
     smooth = _smooth(means, inside, SMOOTH)
     outline, across = _outline(shares)
-    return _Scale(
-        factor,
-        (top, left),
-        smooth,
-        _detail(smooth, inside),
-        inside,
-        eroded(inside, 2),
-        outline,
-        across,
-    )
+    return _Scale(factor, (top, left), smooth, _detail(smooth, inside), inside, eroded(inside, 2), outline, across)
 
 
 def _image(scale: _Scale, local: Poses, faces: MeshFaces) -> SeenFaces:
@@ -231,10 +222,7 @@ def _step(scale: _Scale, image: SeenFaces, local: Poses, first: float, fix_focal
     """(1, 7) the next Gauss-Newton step."""
     focal = local.focal[0]
     normal, gradient = np.zeros((PARAMETERS, PARAMETERS)), np.zeros(PARAMETERS)
-    for residual, jacobian in (
-        *_outline_terms(scale, image, focal),
-        *_normal_terms(scale, image, focal),
-    ):
+    for residual, jacobian in (*_outline_terms(scale, image, focal), *_normal_terms(scale, image, focal)):
         normal += jacobian.T @ jacobian
         gradient += jacobian.T @ residual
     weight = FOCAL_SPREAD**-2

@@ -54,12 +54,7 @@ class Frame:
 
 
 def photo_frames(
-    photos: Sequence[Path],
-    outputs: Sequence[Path],
-    *,
-    masks: Masks,
-    like: Source,
-    reach: int = 0,
+    photos: Sequence[Path], outputs: Sequence[Path], *, masks: Masks, like: Source, reach: int = 0
 ) -> list[Frame]:
     """Frames from photo files: in the order of their numbers, or as given if they have none.
 

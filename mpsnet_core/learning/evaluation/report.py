@@ -17,14 +17,7 @@ from mpsnet_core.io.files import atomic_write
 from mpsnet_core.io.html_page import HEAD, data_url, page_path
 from mpsnet_core.learning.evaluation.measure import Result
 from mpsnet_core.scene.normal_map import NormalMap
-from mpsnet_core.scene.pictures import (
-    BACKGROUND,
-    colour_scale,
-    contact_sheet,
-    cropped,
-    error_picture,
-    photo_picture,
-)
+from mpsnet_core.scene.pictures import BACKGROUND, colour_scale, contact_sheet, cropped, error_picture, photo_picture
 
 HIGHEST_ERROR = 45.0  # degrees; one scale for all models and cases
 TILE_HEIGHT = 176

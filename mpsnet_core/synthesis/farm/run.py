@@ -20,14 +20,7 @@ from mpsnet_core.io.image_writing import is_complete_image, write_picture
 from mpsnet_core.io.provenance import is_up_to_date
 from mpsnet_core.progress import Progress, silent
 from mpsnet_core.synthesis.contact_sheet import sheet_line, sheet_of_samples
-from mpsnet_core.synthesis.farm.work import (
-    THIS_PYTHON,
-    SampleResult,
-    SampleResults,
-    Worker,
-    clear_unfinished,
-    gathered,
-)
+from mpsnet_core.synthesis.farm.work import THIS_PYTHON, SampleResult, SampleResults, Worker, clear_unfinished, gathered
 from mpsnet_core.synthesis.job import (
     CONTACT_SHEET,
     FOLDER_CLAIM,

@@ -26,9 +26,7 @@ class Shape:
 
 
 def smooth_shape(
-    vertices: NDArray[np.float64],
-    triangles: NDArray[np.int32],
-    normals: NDArray[np.floating[Any]] | None = None,
+    vertices: NDArray[np.float64], triangles: NDArray[np.int32], normals: NDArray[np.floating[Any]] | None = None
 ) -> Shape:
     """A shape of one part with normals (V, 3) per vertex, by default those of its triangles, weighted by area."""
     if normals is None:

@@ -24,10 +24,10 @@ CONTROL = "a\x1b[31m\x07\rb‮c\udcff"
 NUMBERS = [0, 1, -1, 2, 7, 0.5, -0.0, 1e-308, 1e-300, 1e-12, 1e9, 1e18, 1e38, 1e300, 10**18, 10**400, 2**31, 2**63]
 NOT_FINITE = [float("nan"), float("inf"), float("-inf")]
 TEXTS = [
-    *("", " ", "x" * 100_000, CONTROL, "a\nb", "..", "/", "nan", "-1/-4", "%s{}", "ä" * 300, "1" * 5000, "1,2,3", "--"),
+    *("", " ", "x" * 100_000, CONTROL, "a\nb", "..", "/", "nan", "-1/-4", "%s{}", "ä" * 300, "1" * 5000, "1,2,3", "--")
 ]
 VALUES: list[Any] = [
-    *(*NUMBERS, *NOT_FINITE, *TEXTS, "\ud800.png", None, True, [], {}, [[]], [1, 2, 3], [[1, 0], [0, 1]], DEEP),
+    *(*NUMBERS, *NOT_FINITE, *TEXTS, "\ud800.png", None, True, [], {}, [[]], [1, 2, 3], [[1, 0], [0, 1]], DEEP)
 ]
 # Of options: sizes and counts that are valid are small, so that no case takes long.
 WORDS = [

@@ -87,13 +87,7 @@ def scaled(maps: tuple[int, ...], width: float) -> list[int]:
 
 
 def convolution(
-    channels: int,
-    maps: int,
-    side: int = 3,
-    *,
-    stride: int = 1,
-    padding: int | None = None,
-    bias: bool = True,
+    channels: int, maps: int, side: int = 3, *, stride: int = 1, padding: int | None = None, bias: bool = True
 ) -> nn.Conv2d:
     """A convolution, by default zero-padded to keep the size (the paper's SAME)."""
     padding = side // 2 if padding is None else padding
