@@ -108,6 +108,7 @@ VERBS = [
     ),
     "calibrate lights red.exr green.exr blue.exr --per-light --circle 100,80,70 -o o.json",
     "integrate normals.png --height o.exr --mesh om.glb --occlusion oo.png --relit or.png --albedo albedo.png",
+    "example -o oexample",
     "synthesize --count 1 --size 24 --seed 3 --shapes blobs --processes 1 -o job",
     "evaluate samples empty --model lambertian",
     "estimate shots --rig rig.json --model lambertian -o o",
