@@ -19,7 +19,7 @@ import blender_addon
 from blender_addon.manual import groups, operators, shown
 from blender_addon.panels.models import NAMES as NAMES_OF_MODELS
 from blender_addon.panels.step import Kind
-from blender_addon.rig.calibrate import CHANNEL, EQUATION_2, UNEXPLAINED
+from blender_addon.photo.find_lights import CHANNEL, EQUATION_2, UNEXPLAINED
 from blender_addon.rig.light_rig import COLOURS
 from blender_addon.translations import LOCALE, one_line
 

@@ -4,8 +4,8 @@ from typing import Any
 
 from mpsnet_core.scene.rig import LightRig
 
+from ..photo.find_lights import from_ball, places_of_ball
 from ..photo.options import rig_file_for
-from ..rig.calibrate import from_ball, places_of_ball
 from ..rig.light_rig import COLOURS
 from ..settings.declared import OWN_SENSE
 from .photo_inputs import lights_of

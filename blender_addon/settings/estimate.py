@@ -94,7 +94,7 @@ class EstimateSettings:
 class MPS_PG_estimate(EstimateSettings, bpy.types.PropertyGroup):
     """The estimate: its settings, and the normal map once it is there."""
 
-    kept_rig: StringProperty(options={"HIDDEN"})  # JSON, see rig/calibrate.py
+    kept_rig: StringProperty(options={"HIDDEN"})  # JSON, see photo/find_lights.py
     first_frame: IntProperty(description="Number of the first frame of normals, where they are a sequence")
     last_frame: IntProperty(description="Number of the last frame of normals, where they are a sequence")
     mask_image: image_pointer("Mask", "The mask, drawn over the photo")

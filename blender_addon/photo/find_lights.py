@@ -20,14 +20,14 @@ from ..image_records import from_json
 from ..images import fine_preview, frame_pattern, image_file, load_image
 from ..operators.core_run import RunsCore, idle
 from ..outputs import file_name, is_permanent, requested_path
-from ..photo.align import mesh_of_photo
-from ..photo.camera import lacks_photo_camera, write_photo_camera
-from ..photo.options import painted_mask, reading
 from ..preferences import output_folder
+from ..rig.several_rigs import all_rigs, result_name, rig_at
 from ..scene.mesh_file import begin_mesh
 from ..settings.calibrate import CalibrateSettings
 from ..settings.declared import apply_given_settings, options_of
-from .several_rigs import all_rigs, result_name, rig_at
+from .align import mesh_of_photo
+from .camera import lacks_photo_camera, write_photo_camera
+from .options import painted_mask, reading
 
 _OVERLAY = "MPS Calibration"
 # Words that occur in these tables alone; the panel translates them.
