@@ -60,6 +60,8 @@ def _own_kinds(annotation: Any) -> tuple[Any, tuple[type, ...]]:
 
 def _loaded(name: str, value: Any, kind: Any) -> Any:
     if get_origin(kind) is Sequence:
+        if isinstance(value, Sequence) and not isinstance(value, str | list | tuple):
+            return value  # it makes its items when they are asked for, as memory may not hold them all
         several = isinstance(value, Iterable) and not isinstance(value, str)
         return [_loaded(name, one, get_args(kind)[0]) for one in (value if several else [value])]
     if isinstance(value, kind):
