@@ -9,6 +9,7 @@ import json
 import logging
 import mmap
 import os
+import re
 import sys
 import warnings
 from collections.abc import Sequence
@@ -173,12 +174,21 @@ def _run(arguments: Sequence[str], notes: NoteCollector) -> bool:
 
 
 def _also_written(result: dict[str, Any]) -> list[str]:
-    """The files that a command wrote and its answer does not name; of many, how many."""
-    others = [file for file in result.get("written", ()) if Path(file).name not in result["text"]]
+    """The files that a command wrote and its answer names neither alone, nor as frames, nor by their folder; of many,
+    how many."""
+
+    def named(file: Path) -> bool:
+        return f"{file.parent}:" in result["text"] or _any_frame(file.name) in _any_frame(result["text"])
+
+    others = [file for file in result.get("written", ()) if not named(Path(file))]
     if len(others) > MAX_NAMED:
         return [f"{len(others)} more files beside {others[0]}"]
     here = Path.cwd()
     return [f"{file.relative_to(here) if file.is_relative_to(here) else file}, too" for file in map(Path, others)]
+
+
+def _any_frame(text: str) -> str:
+    return re.sub(r"#+|\d+", "#", text)
 
 
 def _reserve_memory() -> None:

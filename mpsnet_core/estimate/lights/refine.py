@@ -33,7 +33,8 @@ CURL, ALBEDO, OUTLINE = 60.0, 30.0, 20.0
 LEAST_CURL, LEAST_ALBEDO, LEAST_OUTLINE, LEAST_FACING = 0.05, 0.05, 0.15, 0.1
 STEEP = 0.6  # z that normals at the outline do not exceed
 STRENGTHS = 0.5  # standard deviation of the logarithms of the channels' strengths
-WIDTHS, STEPS, SETTLED = 3, 12, 1e-3  # rounds of new widths, steps in each, and radians
+WIDTHS, STEPS, SETTLED = 3, 20, 1e-3  # rounds of new widths, steps in each, and radians
+UNDAMPED = 1e-2
 
 
 def refine(photos: Sequence[tuple[NDArray[np.floating[Any]], NDArray[np.bool_]]], guess: LightsGuess) -> LightsGuess:
@@ -178,8 +179,8 @@ class _Fit:
             change = np.linalg.solve(matrix + self.damping * np.diag(np.diag(matrix)), right)
             if self.cost(self.values - change) < before:
                 self.values = self.values - change
-                self.damping = max(self.damping / 5, 1e-4)
-                return bool(np.abs(change).max() > SETTLED)
+                damped, self.damping = self.damping > UNDAMPED, max(self.damping / 5, 1e-4)
+                return damped or bool(np.abs(change).max() > SETTLED)  # a damped step is small anywhere
             self.damping *= 5
         self.damping = 1e-3
         return False
