@@ -36,7 +36,7 @@ class MPS_PT_lights(Step):
         if lights.lacks or lights.doubt:
             wrapped(self.layout, sentence(lights.lacks or lights.doubt), icon="ERROR")
         if lights.error is not None:
-            wrapped(self.layout, f"No rig: lights are {lights.words}. A rig gains about 1.5°", icon="INFO")
+            wrapped(self.layout, f"No rig: lights are {lights.words}. A rig gains up to 1.5°", icon="INFO")
         if lights.rig is not None:
             light_table(self.layout, lights.rig)
 
