@@ -215,7 +215,7 @@ class Align(RunsModel, TakesMesh, ReadsPhotos):
         crop = _ObjectCrop.of(capture.mask)
         small = crop.capture(capture)
         # The shares of the time after which the normals are estimated and the camera is found: a search takes longest.
-        estimated, found = (0.12, 0.92) if rough is None else (0.4, 0.7)
+        estimated, found = (0.12, 0.955) if rough is None else (0.4, 0.9)
         estimate = PhotoPyramid(self.estimator(1)(small, part(progress, 0.05, estimated)))
         rest = part(progress, estimated, found)
         if rough is None:

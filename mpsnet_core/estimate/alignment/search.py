@@ -20,7 +20,7 @@ TRIED, ROUGH = 16, 5  # best views to refine roughly, and of those to refine ful
 ROUGH_SCALES = ((48, 12), (96, 8))
 COMPARED_SCALES = SCALES[:-1]  # the finest scale takes most of the time, and only the best view needs it
 # Shares of the search's time after which all views are compared, refined roughly, refined well, and tried with lenses.
-COMPARED, ROUGHLY, WELL, LENSES = 0.07, 0.25, 0.65, 0.87
+COMPARED, ROUGHLY, WELL, LENSES = 0.2, 0.53, 0.68, 0.84
 # Degrees between views that count as the same: after refinement, and before, when neighbours converge to the same view.
 SAME, NEIGHBOURS = 5.0, 12.0
 
