@@ -121,7 +121,7 @@ class Estimate(RunsModel, HasViewpoint, ReadsPhotos):
 
     image: tuple[str, ...] = option(
         positional=True,
-        help="photo(s), a folder of them, a pattern (frame_####.png, *.tif), or a video",
+        help="photo(s), a folder of them, a pattern (frame_####.png, `*.tif`), or a video",
         provenance="none",
     )
     rig: str | None = option(

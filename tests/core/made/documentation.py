@@ -83,7 +83,8 @@ def script(page: Path) -> str:
     for language, block in re.findall(r"^```(bash|python)\n(.*?)^```$", text, re.MULTILINE | re.DOTALL):
         for pattern, other in INSTEAD.items():
             block = re.sub(pattern, other, block, flags=re.MULTILINE)
-        if language == "python" and steps and steps[-1].endswith("\nEND"):  # a notebook's cells, one after the other
+        cell = language == "python" and not block.startswith(("import", "from"))
+        if cell and steps and steps[-1].endswith("\nEND"):  # a notebook's next cell
             steps[-1] = f"{steps[-1][:-3]}{block}END"
         elif language == "python":
             steps.append(f"python - <<'END'\n{block}END")
