@@ -27,7 +27,7 @@ JPEG_MARKERS = 100_000
 def open_image(path: Path) -> Any:
     """The reader of an image, OpenImageIO's or a like one, for unpremultiplied colours if the format leaves that open.
 
-    Raises FileError if it is missing, FormatError if it is no image, InputError if its reader is not installed.
+    Raises FileError if it is missing, FormatError if it is not an image, InputError if its reader is not installed.
     """
     kind = kind_of(file_head(path))
     if kind in (HEIC, AVIF):

@@ -261,7 +261,7 @@ def read_orientation(path: str | os.PathLike[str]) -> int:
 def read_size(path: str | os.PathLike[str], layer: str | None = None) -> tuple[int, int] | None:
     """Height and width of the result of :func:`read_image`, from the header alone; None for raw files without rawpy.
 
-    Raises FileError if the file is missing, FormatError if it is no image, SettingsError if it lacks the
+    Raises FileError if the file is missing, FormatError if it is not an image, SettingsError if it lacks the
     layer.
     """
     path = Path(path)

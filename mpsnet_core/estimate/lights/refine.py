@@ -42,7 +42,7 @@ def refine(photos: Sequence[tuple[NDArray[np.floating[Any]], NDArray[np.bool_]]]
 
     Photos of which too little is lit by all lights are left out.
     """
-    seen = [one for one in (_observed(*photo) for photo in photos) if len(one.colours) >= MIN_BLOCKS]
+    seen = [one for one in (_observed(*photo) for photo in photos) if len(one.across) >= MIN_BLOCKS]
     if not seen:
         return guess
     fit = _Fit(seen, guess)
@@ -59,10 +59,8 @@ class _Observed(NamedTuple):
 
     lit: NDArray[np.float64]
     """(P, 3) colours."""
-    colours: NDArray[np.float64]
-    """(Q, 3) colours where the neighbours are lit, too."""
     across: NDArray[np.float64]
-    """(Q, 3) their cross products with their derivatives to the right."""
+    """(Q, 3) cross products of colours, where the neighbours are lit, too, with their derivatives to the right."""
     up: NDArray[np.float64]
     """(Q, 3) those with their derivatives upwards."""
     rim: NDArray[np.float64]
@@ -91,9 +89,7 @@ def _observed(pixels: NDArray[np.floating[Any]], mask: NDArray[np.bool_]) -> _Ob
     rim = np.pad(outline.rim, 1) & lit
     own = colours[inner]
     outwards = outline.outwards[rim[1:-1, 1:-1]]
-    return _Observed(
-        colours[lit], own, np.cross(own, right[inner]), np.cross(own, -down[inner]), colours[rim], outwards
-    )
+    return _Observed(colours[lit], np.cross(own, right[inner]), np.cross(own, -down[inner]), colours[rim], outwards)
 
 
 class _Fit:
