@@ -124,11 +124,7 @@ def mixing_from_ball(photo: Image, ball: Ball, rig: LightRig) -> MixingFound:
 
 
 def _fitted(
-    points: NDArray[np.float64],
-    colours: NDArray[np.float64],
-    ball: Ball,
-    rig: LightRig,
-    allowed: NDArray[np.bool_],
+    points: NDArray[np.float64], colours: NDArray[np.float64], ball: Ball, rig: LightRig, allowed: NDArray[np.bool_]
 ) -> MixingFound:
     """The matrix fitted to points (P, 2) and their colours (P, 3). allowed: (3, 3) entries that may be non-zero."""
     drawn, moved = ball, np.zeros(OTHERS)

@@ -166,9 +166,7 @@ class CalibrateLights(UsesBall):
     )
     distant: bool = option(default=False, help="write directions even where positions could be found")
     output: str = option(
-        metavar="RIG",
-        help="rig file (.json), or .lp with any number of directions",
-        provenance="none",
+        metavar="RIG", help="rig file (.json), or .lp with any number of directions", provenance="none"
     )
 
     def run(self, progress: Progress = silent) -> LightsCalibrated:
@@ -433,11 +431,7 @@ class CalibrateMixing(UsesBall):
 
     @staticmethod
     def _by_ball(
-        photos: "BallPhotos",
-        read: Sequence["Image"],
-        image: "NDArray[np.float32]",
-        rig: "LightRig",
-        progress: Progress,
+        photos: "BallPhotos", read: Sequence["Image"], image: "NDArray[np.float32]", rig: "LightRig", progress: Progress
     ) -> "MixingFound":
         import numpy as np
 

@@ -294,10 +294,7 @@ class Align(RunsModel, TakesMesh, ReadsPhotos):
                 "over, so that its left is on the right, mirror it [mirrored-mesh]"
             )
         elif poor:
-            log.warning(
-                "%s; look at the overlay, and give points, or another mask or mesh [poor-alignment]",
-                quality,
-            )
+            log.warning("%s; look at the overlay, and give points, or another mask or mesh [poor-alignment]", quality)
         elif len(fits) > 1 and fits[1].cost < AMBIGUOUS * fits[0].cost:
             log.warning(
                 "another view fits nearly as well, that of %s; look at the overlay, give points if it is wrong "
