@@ -1,7 +1,7 @@
 """Operations: everything that a user can run, each described once.
 
 An operation is a frozen dataclass. Its inputs, outputs and settings are fields made by :func:`option`. It is the Python
-API. The command line (:mod:`mpsnet_core.cli.operations`) and the add-on's settings
+API. The command line (:mod:`mpsnet_core.cli.arguments`) and the add-on's settings
 (``blender_addon/settings/declared.py``) are generated from it.
 """
 

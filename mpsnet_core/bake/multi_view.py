@@ -20,8 +20,7 @@ from mpsnet_core.bake.view_fit import warn_of_misfit
 from mpsnet_core.capture.capture import Capture
 from mpsnet_core.capture.decode import AS_STATED, PhotoReadOptions
 from mpsnet_core.capture.masks import mask_identity
-from mpsnet_core.capture.open import PhotoSet
-from mpsnet_core.capture.sources import MESH, Source
+from mpsnet_core.capture.open import MESH, PhotoSet, Source
 from mpsnet_core.errors import FileError
 from mpsnet_core.estimate.albedo import albedo_from_white, read_albedo
 from mpsnet_core.estimate.estimator import Estimator

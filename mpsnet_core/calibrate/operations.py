@@ -282,8 +282,8 @@ class CalibrateLights(UsesBall):
 
     @staticmethod
     def _draw(overlay: str, found: "LightsFound", chosen: _Chosen, pictured: Sequence["BallPhotos"]) -> None:
-        from mpsnet_core.calibrate.overlay import lights_picture
         from mpsnet_core.calibrate.photos import mean_photo
+        from mpsnet_core.calibrate.report import lights_picture
         from mpsnet_core.io.image_writing import write_picture
         from mpsnet_core.scene.pictures import contact_sheet
 
@@ -381,8 +381,8 @@ class CalibrateMixing(UsesBall):
     def run(self, progress: Progress = silent) -> MixingCalibrated:
         """Write the rig with its mixing, and the other outputs if requested."""
         from mpsnet_core.calibrate.mixing import lambertian_error
-        from mpsnet_core.calibrate.overlay import ball_picture
         from mpsnet_core.calibrate.photos import mean_photo, read_lit
+        from mpsnet_core.calibrate.report import ball_picture
         from mpsnet_core.capture.decode import warn_of_other_exposures
         from mpsnet_core.io.files import write_transaction
         from mpsnet_core.io.frames import in_order_of_lights
@@ -507,8 +507,8 @@ def _numbered(files: Iterable[Path]) -> str:
 
 def _ball_drawn(photos: "BallPhotos", overlay: str | None) -> bool:
     """Draw the first ball if its highlights were not found: it is often something else."""
-    from mpsnet_core.calibrate.overlay import ball_picture
     from mpsnet_core.calibrate.photos import mean_photo, seen_balls
+    from mpsnet_core.calibrate.report import ball_picture
     from mpsnet_core.io.image_writing import write_picture
 
     if not overlay:

@@ -14,10 +14,8 @@ from mpsnet_core.calibrate.ball import Ball, Circle, ball_from_circle, ball_from
 from mpsnet_core.calibrate.circles import find_balls
 from mpsnet_core.calibrate.highlights import Highlight, find_coloured_highlights, find_highlight
 from mpsnet_core.calibrate.lights import Sighting
-from mpsnet_core.capture.correction import corrected
-from mpsnet_core.capture.decode import AS_STATED, PhotoReadOptions
-from mpsnet_core.capture.open import PhotoSet
-from mpsnet_core.capture.sources import Source
+from mpsnet_core.capture.decode import AS_STATED, PhotoReadOptions, corrected
+from mpsnet_core.capture.open import PhotoSet, Source
 from mpsnet_core.errors import GeometryError
 from mpsnet_core.io.files import prefix_errors
 from mpsnet_core.io.image import CHANNELS, Image, in_one_frame

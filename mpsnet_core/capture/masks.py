@@ -21,8 +21,7 @@ from mpsnet_core.arrays.mask_regions import (
 from mpsnet_core.arrays.robust_statistics import deviation
 from mpsnet_core.arrays.row_bands import bands
 from mpsnet_core.arrays.sizes import SAME_CAMERA, check_same_size
-from mpsnet_core.capture.correction import Correction, corrected
-from mpsnet_core.capture.decode import AS_STATED, PhotoReadOptions
+from mpsnet_core.capture.decode import AS_STATED, Correction, PhotoReadOptions, corrected
 from mpsnet_core.defaults import MASK
 from mpsnet_core.errors import FileError, NoObject, SettingsError
 from mpsnet_core.io.from_files import takes_files

@@ -17,8 +17,8 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from mpsnet_core.capture.decode import PhotoReadOptions
+    from mpsnet_core.capture.open import Source
     from mpsnet_core.capture.photo_check import Finding
-    from mpsnet_core.capture.sources import Source
     from mpsnet_core.io.image import Image
     from mpsnet_core.scene.camera import Camera
 
@@ -59,8 +59,7 @@ class ReadsPhotos(ReadsPictures):
 
         Raises SettingsError if there is no flat field to smooth, and the errors of `read_correction`.
         """
-        from mpsnet_core.capture.correction import read_correction
-        from mpsnet_core.capture.decode import PhotoReadOptions
+        from mpsnet_core.capture.decode import PhotoReadOptions, read_correction
 
         if self.flat_smooth and self.flat is None:
             raise SettingsError("--flat-smooth smooths the flat field; give --flat, or leave it out")
@@ -101,7 +100,7 @@ class TakesLightPhotos(ReadsPhotos):
 
         Raises SettingsError if something cannot go with photos of one light each.
         """
-        from mpsnet_core.capture.sources import Source
+        from mpsnet_core.capture.open import Source
         from mpsnet_core.capture.superpose import as_channels
         from mpsnet_core.io.frames import in_order_of_lights
 
@@ -166,7 +165,7 @@ class HasViewpoint(TakesMesh, HasLens):
         Raises SettingsError if both of a pair are set, or a mesh without a camera; InputError if a file cannot be read,
         or the camera does not see the mesh.
         """
-        from mpsnet_core.capture.sources import Source
+        from mpsnet_core.capture.open import Source
         from mpsnet_core.io.files import prefix_errors
         from mpsnet_core.scene.camera import Camera
         from mpsnet_core.scene.mesh_depth import depth_of_mesh
@@ -269,7 +268,7 @@ class FindMask(ReadsPhotos):
 
     def run(self, progress: Progress = silent) -> MaskFound:
         """Write the mask, and the overlay if requested."""
-        from mpsnet_core.capture.sources import Source
+        from mpsnet_core.capture.open import Source
         from mpsnet_core.io.files import check_no_overwrite, writable_image, write_transaction
         from mpsnet_core.io.image_writing import write_mask, write_picture_bands
         from mpsnet_core.scene.pictures import mask_bands
@@ -340,8 +339,8 @@ class Check(ReadsPhotos):
 
     def run(self, progress: Progress = silent) -> PhotoChecked:
         """Check the photo, and write the findings if requested."""
+        from mpsnet_core.capture.open import Source
         from mpsnet_core.capture.photo_check import check_photo, worst
-        from mpsnet_core.capture.sources import Source
         from mpsnet_core.io.files import check_no_overwrite, prefix_errors, writable_path, write_json
         from mpsnet_core.scene.rig import has_mixing, read_rig
 

@@ -23,8 +23,7 @@ from mpsnet_core.calibrate.mesh_operation import CalibrateMesh
 from mpsnet_core.calibrate.operations import CalibrateLights, CalibrateMixing
 from mpsnet_core.capture.operations import Check, FindMask, Superpose
 from mpsnet_core.cli import EXIT_BAD_INPUT, EXIT_CANCELLED
-from mpsnet_core.cli.arguments import Parser, Subparsers
-from mpsnet_core.cli.operations import add_operation
+from mpsnet_core.cli.arguments import Parser, Subparsers, add_operation
 from mpsnet_core.cli.reporter import NoteCollector, Reporter, log_level, print_json, refuse
 from mpsnet_core.errors import InputError, SettingsError, printable
 from mpsnet_core.estimate.alignment.operation import Align

@@ -47,10 +47,10 @@ class ModelCard:
     """Patch only: side of a patch in pixels, odd."""
     frame: Literal["camera", "canonical"] = "camera"
     """Dense and pyramid: "camera", or "canonical" for a network that always sees the first light nearly straight up in
-    the image and the others counter-clockwise from it, see :mod:`mpsnet_core.estimate.light_frame`."""
+    the image and the others counter-clockwise from it, see :mod:`mpsnet_core.estimate.features`."""
     passes: int = 1
     """Canonical only: number of frames to average the network's output over, 1 to 6, see
-    :func:`mpsnet_core.estimate.light_frame.canonical_frames`."""
+    :func:`mpsnet_core.estimate.features.canonical_frames`."""
     magnified: float = 1.0
     """Pyramid only: factor by which a small image is magnified, 1 to 4, see
     :func:`mpsnet_core.estimate.dense.predict_dense`."""

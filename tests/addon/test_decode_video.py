@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from blender_addon.child_process.core_process import blender_command
-from mpsnet_core.capture.sources import Source
+from mpsnet_core.capture.open import Source
 from mpsnet_core.errors import InputError
 from mpsnet_core.estimate.sequence.source import Masks
 from mpsnet_core.estimate.sequence.video import read_video_header, video_frames, video_outputs

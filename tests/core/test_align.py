@@ -16,11 +16,10 @@ from synthetic import write_file
 
 from mpsnet_core.errors import GeometryError
 from mpsnet_core.estimate.alignment import search
-from mpsnet_core.estimate.alignment.mesh_faces import MeshFaces
-from mpsnet_core.estimate.alignment.mirror import find_better_mirrored
 from mpsnet_core.estimate.alignment.points import camera_from_points
+from mpsnet_core.estimate.alignment.pose import MeshFaces
 from mpsnet_core.estimate.alignment.refine import PhotoPyramid, measure_fit, refine_camera
-from mpsnet_core.estimate.alignment.search import search_cameras
+from mpsnet_core.estimate.alignment.search import find_better_mirrored, search_cameras
 from mpsnet_core.io.image_reading import read_image
 from mpsnet_core.scene.camera import Camera, read_camera, write_camera
 from mpsnet_core.scene.normal_map import NormalMap

@@ -10,7 +10,7 @@ import pytest
 from conftest import Mpsnet
 from synthetic import Sphere, degrees_between, shaded_sphere, write_file
 
-from mpsnet_core.capture.correction import Correction, corrected, read_correction
+from mpsnet_core.capture.decode import Correction, corrected, read_correction
 from mpsnet_core.errors import InputError
 from mpsnet_core.io.image_reading import read_image
 from mpsnet_core.scene.normal_map import read_normals

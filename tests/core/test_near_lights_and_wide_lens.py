@@ -11,8 +11,7 @@ from networks import pass_through
 from synthetic import CROSSTALK, degrees_between, write_file
 
 from mpsnet_core.capture.capture import Capture
-from mpsnet_core.capture.open import PhotoSet, read_capture
-from mpsnet_core.capture.sources import Source
+from mpsnet_core.capture.open import PhotoSet, Source, read_capture
 from mpsnet_core.cli import main
 from mpsnet_core.errors import InputError, NoObject
 from mpsnet_core.estimate.distant_lights import convert_to_distant_view

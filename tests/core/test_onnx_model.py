@@ -21,10 +21,10 @@ from mpsnet_core.arrays.unit_vectors import normalised
 from mpsnet_core.capture.capture import Capture
 from mpsnet_core.errors import InputError
 from mpsnet_core.estimate.card import CARD_KEY, CARD_VERSION, card_from_metadata
+from mpsnet_core.estimate.dense import PATCHES_A_BATCH
 from mpsnet_core.estimate.estimator import estimate_normals
 from mpsnet_core.estimate.features import feature_maps
 from mpsnet_core.estimate.onnx_model import OnnxModel
-from mpsnet_core.estimate.patches import PATCHES_A_BATCH
 
 
 @pytest.fixture(scope="module")

@@ -14,7 +14,7 @@ import pytest
 from conftest import Mpsnet
 from synthetic import Sphere, listing, write_file
 
-from mpsnet_core.capture.sources import Source
+from mpsnet_core.capture.open import Source
 from mpsnet_core.errors import InputError
 from mpsnet_core.estimate.sequence.source import Frame, Masks
 from mpsnet_core.estimate.sequence.video import read_video_header, video_frames, video_outputs

@@ -18,9 +18,8 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from mpsnet_core.capture.capture import Capture
-    from mpsnet_core.estimate.alignment.mesh_faces import MeshFaces
     from mpsnet_core.estimate.alignment.points import PointFit
-    from mpsnet_core.estimate.alignment.pose import Floats
+    from mpsnet_core.estimate.alignment.pose import Floats, MeshFaces
     from mpsnet_core.estimate.alignment.refine import Fit
     from mpsnet_core.scene.camera import Camera
 
@@ -129,7 +128,7 @@ class Align(RunsModel, TakesMesh, ReadsPhotos):
 
     def run(self, progress: Progress = silent) -> CameraFound:
         """Write the camera file, and the overlay if requested."""
-        from mpsnet_core.estimate.alignment.mesh_faces import MeshFaces
+        from mpsnet_core.estimate.alignment.pose import MeshFaces
         from mpsnet_core.io.files import check_no_overwrite, writable_image, writable_path
 
         if self.points and self.start:
@@ -152,7 +151,7 @@ class Align(RunsModel, TakesMesh, ReadsPhotos):
 
     def _pairs(self) -> "tuple[Floats, Floats] | None":
         """The pairs of points, those on the mesh in world space."""
-        from mpsnet_core.estimate.alignment.pairs import read_pairs
+        from mpsnet_core.estimate.alignment.points import read_pairs
         from mpsnet_core.scene.mesh import world_from_file
 
         if not self.points:
@@ -161,8 +160,7 @@ class Align(RunsModel, TakesMesh, ReadsPhotos):
         return pixels, points @ world_from_file(self.up, self.unit_length())[:3, :3].T
 
     def _capture(self) -> "Capture":
-        from mpsnet_core.capture.open import open_captures
-        from mpsnet_core.capture.sources import Source
+        from mpsnet_core.capture.open import Source, open_captures
         from mpsnet_core.estimate.lights.find import with_lights
         from mpsnet_core.scene.camera import read_camera
         from mpsnet_core.scene.rig import read_rig
@@ -196,10 +194,9 @@ class Align(RunsModel, TakesMesh, ReadsPhotos):
         """The best fits, the fit of the pairs alone, and whether the mirror image of the mesh fits better."""
         import numpy as np
 
-        from mpsnet_core.estimate.alignment.mirror import find_better_mirrored
         from mpsnet_core.estimate.alignment.points import USUAL_FOCAL, camera_from_points
         from mpsnet_core.estimate.alignment.refine import PhotoPyramid, measure_fit, refine_camera
-        from mpsnet_core.estimate.alignment.search import move_onto_mask, search_cameras
+        from mpsnet_core.estimate.alignment.search import find_better_mirrored, move_onto_mask, search_cameras
         from mpsnet_core.scene.camera import FULL_FRAME, Camera, read_camera
 
         height, width = capture.mask.shape

@@ -11,8 +11,7 @@ from mpsnet_core.arrays.gaussian import gaussian
 from mpsnet_core.arrays.mask_regions import bounding_box, eroded
 from mpsnet_core.arrays.robust_statistics import deviation
 from mpsnet_core.arrays.rotations import cross_matrix
-from mpsnet_core.estimate.alignment.mesh_faces import MeshFaces, SeenFaces
-from mpsnet_core.estimate.alignment.pose import PARAMETERS, Floats, Poses, flow
+from mpsnet_core.estimate.alignment.pose import PARAMETERS, Floats, MeshFaces, Poses, SeenFaces, flow
 from mpsnet_core.progress import Progress, silent
 from mpsnet_core.scene.camera import Camera
 from mpsnet_core.scene.normal_map import NormalMap

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from mpsnet_core.capture.masks import mask_identity, mask_source
-from mpsnet_core.capture.sources import Source
+from mpsnet_core.capture.open import Source
 from mpsnet_core.defaults import MASK
 from mpsnet_core.errors import FileError, SettingsError
 from mpsnet_core.io.frames import expand_images, is_folder_or_pattern, numbering

@@ -8,11 +8,18 @@ from typing import Any
 from mpsnet_core.estimate.registry import BASELINES
 from mpsnet_core.io.files import write_json, write_transaction
 from mpsnet_core.io.text_table import table_of_means, text_table
-from mpsnet_core.learning.evaluation.charts import Curve, line_chart
-from mpsnet_core.learning.evaluation.confidence import GROUPS, Calibration, ConfidencePool
-from mpsnet_core.learning.evaluation.evaluation_result import Measured
-from mpsnet_core.learning.evaluation.measure import Case, Result, Row, chosen_models, measure
-from mpsnet_core.learning.evaluation.report import open_report
+from mpsnet_core.learning.evaluation import Measured
+from mpsnet_core.learning.evaluation.measure import (
+    GROUPS,
+    Calibration,
+    Case,
+    ConfidencePool,
+    Result,
+    Row,
+    chosen_models,
+    measure,
+)
+from mpsnet_core.learning.evaluation.report import Curve, line_chart, open_report
 from mpsnet_core.progress import Progress
 
 

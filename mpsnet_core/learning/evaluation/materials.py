@@ -8,10 +8,10 @@ import numpy as np
 
 from mpsnet_core.estimate.registry import LAMBERTIAN
 from mpsnet_core.io.text_table import mean_cell, text_table
-from mpsnet_core.learning.evaluation.charts import Curve, line_chart
 from mpsnet_core.learning.evaluation.evaluation import Evaluation
 from mpsnet_core.learning.evaluation.measure import Case, Row
 from mpsnet_core.learning.evaluation.operations import EvaluateMaterials
+from mpsnet_core.learning.evaluation.report import Curve, line_chart
 from mpsnet_core.learning.evaluation.scenes import built_blob, held_out_blob, ideal_photograph, published_view
 from mpsnet_core.synthesis.reflectance import load_reflectance, material_names
 from mpsnet_core.synthesis.sample import Sample

@@ -5,7 +5,7 @@ from pkgutil import resolve_name
 from typing import TYPE_CHECKING, Any, ClassVar
 
 from mpsnet_core.estimate.registry import DEFAULT_MODEL
-from mpsnet_core.learning.evaluation.evaluation_result import Measured
+from mpsnet_core.learning.evaluation import Measured
 from mpsnet_core.learning.evaluation.published import OBJECTS
 from mpsnet_core.operation import Operation, option
 from mpsnet_core.progress import Progress, silent

@@ -18,8 +18,7 @@ from torch import Tensor
 from torch.nn import functional
 
 from mpsnet_core.capture.capture import Capture
-from mpsnet_core.estimate.features import MIN_MEAN
-from mpsnet_core.estimate.light_frame import CAMERA_FRAME, LightFrame, canonical_frames
+from mpsnet_core.estimate.features import CAMERA_FRAME, MIN_MEAN, LightFrame, canonical_frames
 from mpsnet_core.estimate.white_photo import WhitePhoto
 from mpsnet_core.learning.training.jpeg import jpeg_losses
 from mpsnet_core.learning.training.networks.network import Network, unit

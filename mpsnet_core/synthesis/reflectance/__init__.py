@@ -8,8 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mpsnet_core.errors import FileError, FormatError, SettingsError
-from mpsnet_core.synthesis.reflectance.fits import MerlFit, read_fits
-from mpsnet_core.synthesis.reflectance.merl import MerlTable, read_merl
+from mpsnet_core.synthesis.reflectance.measured import MerlFit, MerlTable, read_fits, read_merl
 from mpsnet_core.synthesis.reflectance.principled import PrincipledBsdf
 from mpsnet_core.synthesis.scene_description import Colour, Material
 

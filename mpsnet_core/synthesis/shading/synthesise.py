@@ -12,8 +12,7 @@ from mpsnet_core.synthesis.random_sampling import generator
 from mpsnet_core.synthesis.reflectance import Reflectance
 from mpsnet_core.synthesis.sample import Sample
 from mpsnet_core.synthesis.scene_description import SceneDescription
-from mpsnet_core.synthesis.shading.bounce import STRIDE, indirect
-from mpsnet_core.synthesis.shading.gloss import Lobe, lobe, reflect_light
+from mpsnet_core.synthesis.shading.indirect import STRIDE, Lobe, indirect, lobe, reflect_light
 from mpsnet_core.synthesis.shading.lights import TURNS, Light, illumination
 from mpsnet_core.synthesis.shading.pattern import dirt_weight, material_weights, paint_factors
 from mpsnet_core.synthesis.shading.surface_points import Surface, SurfacePoints

@@ -15,10 +15,9 @@ from numpy.typing import NDArray
 from mpsnet_core.errors import FormatError, InputError, SettingsError, check_choice
 from mpsnet_core.synthesis.noise import gradient_noise
 from mpsnet_core.synthesis.random_sampling import chance, choice, generator, integer, new_seed, uniform
-from mpsnet_core.synthesis.shapes import blobs, drapery, groups, hollows, reliefs
+from mpsnet_core.synthesis.shapes import blobs, drapery, hollows, reliefs
 from mpsnet_core.synthesis.shapes.meshes import load_mesh, mesh_files
-from mpsnet_core.synthesis.shapes.shape import Shape, fitted
-from mpsnet_core.synthesis.shapes.surfaces import bent
+from mpsnet_core.synthesis.shapes.shape import Shape, bent, fitted
 
 __all__ = ["KINDS", "Shape", "build_shape", "draw_shape", "mesh_files"]
 
@@ -119,13 +118,13 @@ def build_shape(description: dict[str, Any], meshes: str | os.PathLike[str] = ""
         if kind == "reliefs":
             return fitted(reliefs.build_relief(description["character"], rng))
         if kind == "groups":
-            return fitted(groups.build_group(rng, CELLS_IN_GROUP))
+            return fitted(blobs.build_group(rng, CELLS_IN_GROUP))
         if kind == "hollows":
             return fitted(hollows.build_hollow(description["character"], rng, CELLS))
         shapes = [load_mesh(str(Path(meshes) / Path(name).name)) for name in description["files"]]
         if description["deformed"]:
             shapes = [_deformed(shape, rng) for shape in shapes]
-        return fitted(shapes[0] if len(shapes) == 1 else groups.on_ground(shapes, rng))
+        return fitted(shapes[0] if len(shapes) == 1 else blobs.on_ground(shapes, rng))
     except InputError:
         raise
     except (KeyError, TypeError, ValueError) as error:

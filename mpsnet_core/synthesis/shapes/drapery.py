@@ -6,9 +6,8 @@ from numpy.typing import NDArray
 from mpsnet_core.arrays.unit_vectors import normalised
 from mpsnet_core.synthesis.noise import fractal_noise, gradient_noise
 from mpsnet_core.synthesis.random_sampling import chance, choice, integer, new_seed, uniform
-from mpsnet_core.synthesis.shapes.shape import Shape, turn_about
-from mpsnet_core.synthesis.shapes.solids import Solid, blended, box, cylinder, ellipsoid, lengths, limb
-from mpsnet_core.synthesis.shapes.surfaces import catmull_rom, sheet
+from mpsnet_core.synthesis.shapes.isosurface import Solid, blended, box, cylinder, ellipsoid, lengths, limb
+from mpsnet_core.synthesis.shapes.shape import Shape, catmull_rom, sheet, turn_about
 
 Array = NDArray[np.float64]
 

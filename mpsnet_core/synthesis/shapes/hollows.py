@@ -14,10 +14,8 @@ from mpsnet_core.synthesis.random_sampling import chance, choice, direction, int
 from mpsnet_core.synthesis.shapes.blobs import CHARACTERS as BLOBS
 from mpsnet_core.synthesis.shapes.blobs import build_blob
 from mpsnet_core.synthesis.shapes.drapery import hammock
-from mpsnet_core.synthesis.shapes.isosurface import isosurface
-from mpsnet_core.synthesis.shapes.shape import Shape, fitted, joined, placed
-from mpsnet_core.synthesis.shapes.solids import Solid, box, ellipsoid, limb
-from mpsnet_core.synthesis.shapes.surfaces import displaced
+from mpsnet_core.synthesis.shapes.isosurface import Solid, box, ellipsoid, isosurface, limb
+from mpsnet_core.synthesis.shapes.shape import Shape, displaced, fitted, joined, placed
 
 Array = NDArray[np.float64]
 

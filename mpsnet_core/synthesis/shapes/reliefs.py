@@ -8,9 +8,8 @@ from numpy.typing import NDArray
 
 from mpsnet_core.synthesis.noise import fractal_noise, gradient_noise
 from mpsnet_core.synthesis.random_sampling import chance, choice, integer, new_seed, uniform
-from mpsnet_core.synthesis.shapes.shape import Shape
-from mpsnet_core.synthesis.shapes.solids import blended
-from mpsnet_core.synthesis.shapes.surfaces import catmull_rom, sheet
+from mpsnet_core.synthesis.shapes.isosurface import blended
+from mpsnet_core.synthesis.shapes.shape import Shape, catmull_rom, sheet
 
 Array = NDArray[np.float64]
 # A motif: a height field, 0 to about 1, of x, y (N,), about 2 wide.
