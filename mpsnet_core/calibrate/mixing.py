@@ -6,9 +6,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from mpsnet_core.arrays.robust_statistics import DEVIATIONS, biweight, deviation
+from mpsnet_core.arrays.types import Bools, Doubles, Singles
 from mpsnet_core.arrays.unit_vectors import angular_error, dot, normalised
 from mpsnet_core.calibrate.ball import Ball, surface
 from mpsnet_core.errors import GeometryError, SettingsError
@@ -55,12 +56,12 @@ AMBIENT = 0.03
 class MixingFound:
     """A mixing matrix and how well it describes the photo."""
 
-    mixing: NDArray[np.float64]
+    mixing: Doubles
     """(3, 3) float64. Rows are the camera channels red, green, blue, columns the lights in rig order. The largest entry
     is 1. It includes brightness: the weaker of two lights has the smaller column."""
     residual: float
     """RMS residual of the fit, as a share of the mean brightness."""
-    ambient: NDArray[np.float64]
+    ambient: Doubles
     """(3,) float64. Ambient light, in the unit of the matrix; 0 for a card, which does not determine it."""
     pixels: int
     """Number of pixels used, without clipped ones."""
@@ -123,15 +124,13 @@ def mixing_from_ball(photo: Image, ball: Ball, rig: LightRig) -> MixingFound:
     return _checked(found)
 
 
-def _fitted(
-    points: NDArray[np.float64], colours: NDArray[np.float64], ball: Ball, rig: LightRig, allowed: NDArray[np.bool_]
-) -> MixingFound:
+def _fitted(points: Doubles, colours: Doubles, ball: Ball, rig: LightRig, allowed: Bools) -> MixingFound:
     """The matrix fitted to points (P, 2) and their colours (P, 3). allowed: (3, 3) entries that may be non-zero."""
     drawn, moved = ball, np.zeros(OTHERS)
     precision = np.diag([0.0] * 3 + [len(points) / INDEPENDENT / size**2 for size in UNCERTAINTIES])
     precision[:3, :3] = np.linalg.inv(ball.covariance)
     free = np.concatenate([np.concatenate([allowed.T, np.ones((1, 3), bool)]).T.ravel(), np.ones(OTHERS, bool)])
-    weight: NDArray[np.float64] = np.ones(colours.shape)
+    weight: Doubles = np.ones(colours.shape)
     scale = float(colours.std())
     answer = np.concatenate([np.diag(colours.max(axis=0)), np.zeros((1, 3))])
     at_ball = _surface(ball, rig, points)
@@ -176,9 +175,7 @@ def _fitted(
     )
 
 
-def _by_sectors(
-    points: NDArray[np.float64], colours: NDArray[np.float64], ball: Ball, rig: LightRig, found: MixingFound
-) -> float:
+def _by_sectors(points: Doubles, colours: Doubles, ball: Ball, rig: LightRig, found: MixingFound) -> float:
     """Largest standard deviation of the off-diagonal entries, by the jackknife (Tukey 1958) over the ball's sectors.
 
     points: (P, 2), and their colours: (P, 3), that `found` was fitted to.
@@ -212,7 +209,7 @@ def mixing_from_ball_by_light(photos: Sequence[Image], ball: Ball, rig: LightRig
     return _from_columns(columns, ball, np.mean(ambient, axis=0))
 
 
-def _ambient(basis: NDArray[np.float64], colours: NDArray[np.float64], light: int) -> NDArray[np.float64]:
+def _ambient(basis: Doubles, colours: Doubles, light: int) -> Doubles:
     """(3,) ambient light, at least 0, in a photo of one light alone. basis: (P, 4), as `_shading` returns it."""
     free = np.zeros(12 + OTHERS, bool)
     free[:12].reshape(3, 4)[:, [light, 3]] = True
@@ -244,7 +241,7 @@ def lambertian_error(photos: Sequence[Image], ball: Ball, rig: LightRig) -> floa
 
 
 def mixing_from_card(
-    photos: Sequence[Image], mask: NDArray[np.bool_], rig: LightRig, normal: ArrayLike = (0.0, 0.0, 1.0)
+    photos: Sequence[Image], mask: Bools, rig: LightRig, normal: ArrayLike = (0.0, 0.0, 1.0)
 ) -> MixingFound:
     """The mixing matrix from three photos of a matt grey card, each under one light alone, in rig order.
 
@@ -278,7 +275,7 @@ def _three_photos(photos: Sequence[Image]) -> Sequence[Image]:
     return photos
 
 
-def check_lights(image: NDArray[np.float32], ball: Ball, rig: LightRig) -> None:
+def check_lights(image: Singles, ball: Ball, rig: LightRig) -> None:
     """Raise GeometryError if another order or orientation of the lights fits the photo (H, W, 3) of a matt ball."""
     height, width = image.shape[:2]
     x, y = np.arange(width) + 0.5 - ball.circle.x, np.arange(height)[:, None] + 0.5 - ball.circle.y
@@ -287,7 +284,7 @@ def check_lights(image: NDArray[np.float32], ball: Ball, rig: LightRig) -> None:
         raise GeometryError(misfit_words(better))
 
 
-def _ball_pixels(photo: Image, ball: Ball) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _ball_pixels(photo: Image, ball: Ball) -> tuple[Doubles, Doubles]:
     """Points (P, 2) well inside the ball and their colours (P, 3), without clipped ones."""
     height, width = photo.pixels.shape[:2]
     left, right, top, bottom = ball.window(width, height)
@@ -309,7 +306,7 @@ def _ball_pixels(photo: Image, ball: Ball) -> tuple[NDArray[np.float64], NDArray
     return points[chosen], colours[chosen]
 
 
-def _surface(ball: Ball, rig: LightRig, points: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _surface(ball: Ball, rig: LightRig, points: Doubles) -> tuple[Doubles, Doubles]:
     """Positions (P, 3) and unit normals (P, 3) of the ball's surface at points (P, 2) of the photo."""
     if rig.near is not None and ball.camera.projection == "orthographic":
         raise GeometryError(
@@ -319,9 +316,7 @@ def _surface(ball: Ball, rig: LightRig, points: NDArray[np.float64]) -> tuple[ND
     return place, normal
 
 
-def _shading(
-    place: NDArray[np.float64], normal: NDArray[np.float64], rig: LightRig, other: NDArray[np.float64] | None = None
-) -> NDArray[np.float64]:
+def _shading(place: Doubles, normal: Doubles, rig: LightRig, other: Doubles | None = None) -> Doubles:
     """(P, 4) shading of a white matt surface by each light, at positions (P, 3) with unit normals (P, 3), and 1 for
     ambient light.
 
@@ -341,14 +336,8 @@ def _shading(
 
 
 def _joint_step(
-    basis: NDArray[np.float64],
-    jacobian: NDArray[np.float64],
-    colours: NDArray[np.float64],
-    weight: NDArray[np.float64],
-    prior: NDArray[np.float64],
-    moved: NDArray[np.float64],
-    free: NDArray[np.bool_],
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    basis: Doubles, jacobian: Doubles, colours: Doubles, weight: Doubles, prior: Doubles, moved: Doubles, free: Bools
+) -> tuple[Doubles, Doubles, Doubles]:
     """One Gauss-Newton step: the matrix with ambient light (4, 3), the step (10,) of outline, lights and exponent, and
     the normal equations (22, 22).
 
@@ -377,9 +366,7 @@ def _joint_step(
         free[worst] = False
 
 
-def _from_columns(
-    columns: Sequence[NDArray[np.float64]], ball: Ball | None, ambient: NDArray[np.float64] | None = None
-) -> MixingFound:
+def _from_columns(columns: Sequence[Doubles], ball: Ball | None, ambient: Doubles | None = None) -> MixingFound:
     """The matrix whose columns are the medians of each light's `columns` (P, 3). ambient: (3,), in their unit."""
     middles = [np.maximum(np.median(values, axis=0), 0) for values in columns]
     mixing = np.stack(middles, axis=-1)

@@ -15,9 +15,7 @@ from mpsnet_core.operation import Result, option
 from mpsnet_core.progress import Progress, part, silent
 
 if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
-
+    from mpsnet_core.arrays.types import Singles
     from mpsnet_core.calibrate.ball import Circle
     from mpsnet_core.calibrate.lights import LightsFound, Sighting
     from mpsnet_core.calibrate.mixing import MixingFound
@@ -431,7 +429,7 @@ class CalibrateMixing(UsesBall):
 
     @staticmethod
     def _by_ball(
-        photos: "BallPhotos", read: Sequence["Image"], image: "NDArray[np.float32]", rig: "LightRig", progress: Progress
+        photos: "BallPhotos", read: Sequence["Image"], image: "Singles", rig: "LightRig", progress: Progress
     ) -> "MixingFound":
         import numpy as np
 

@@ -13,6 +13,7 @@ from mpsnet_core.arrays.mask_regions import bounding_box
 from mpsnet_core.arrays.rasterize import extend_to_nearest
 from mpsnet_core.arrays.sampling import sampled_rows
 from mpsnet_core.arrays.sizes import SAME_CAMERA, check_same_size
+from mpsnet_core.arrays.types import Bools, Doubles, Floats, Singles
 from mpsnet_core.errors import FormatError, GeometryError, NoObject, SettingsError
 from mpsnet_core.io.from_files import takes_files
 from mpsnet_core.io.image import CHANNELS, SATURATED_SHARE
@@ -38,9 +39,7 @@ SHARE = 0.3
 DARKEST = 0.03  # of the 99th percentile
 
 
-def shows_another_scene(
-    photo: NDArray[np.floating[Any]], white: NDArray[np.floating[Any]], mask: NDArray[np.bool_]
-) -> bool:
+def shows_another_scene(photo: Floats, white: Floats, mask: Bools) -> bool:
     """Whether a white photo (H, W, 3) has its edges elsewhere than the photo (H, W, 3); False where there are none."""
     box = bounding_box(mask)
     factor = max(1, round(np.sqrt(np.count_nonzero(mask)) / SIDE))
@@ -55,7 +54,7 @@ def shows_another_scene(
     whole = block_means(np.where(mask[box][..., None], white[box], 0), factor).mean(axis=-1)
     *own, other = (_steepness(values, inside, inner) for values in (*lights, whole))
 
-    def agreement(one: NDArray[np.float64], two: NDArray[np.float64]) -> float:
+    def agreement(one: Doubles, two: Doubles) -> float:
         """How much better two pictures' edges correlate in place than shifted."""
         found = {by: float(np.corrcoef(one[inner], np.roll(two, by, (0, 1))[inner])[0, 1]) for by in shifts}
         return found.pop((0, 0)) - max(found.values())
@@ -64,7 +63,7 @@ def shows_another_scene(
     return bool(among > TELLING and np.mean([agreement(one, other) for one in own]) < SHARE * among)
 
 
-def _steepness(values: NDArray[np.float32], inside: NDArray[np.bool_], inner: NDArray[np.bool_]) -> NDArray[np.float64]:
+def _steepness(values: Singles, inside: Bools, inner: Bools) -> Doubles:
     """(h, w) the slope of the logarithm, in which shading and paint add up; outliers are cut."""
     lowest = max(DARKEST * float(np.percentile(values[inside], 99)), 1e-12)
     slope = np.hypot(*np.gradient(np.log(np.maximum(values.astype(np.float64), lowest))))
@@ -124,10 +123,10 @@ class Capture(Shown):
 
     array_name: ClassVar[str] = "image"
 
-    image: NDArray[np.floating[Any]]
+    image: Floats
     """(H, W, 3) float32 or float16. The photo, linear; the channels are the camera's R, G, B. float16 is kept, other
     types become float32."""
-    mask: NDArray[np.bool_]
+    mask: Bools
     """(H, W) bool. The pixels of the object. Floating-point values, such as alpha, are thresholded at 0.5."""
     rig: LightRig
     """The lights, in camera space."""
@@ -135,17 +134,17 @@ class Capture(Shown):
     """Projection and pose, if known."""
     clip: float = np.inf
     """Linear value at which a channel saturates. Infinity for renders, and if `clipped` is given."""
-    depth: NDArray[np.float32] | None = None
+    depth: Singles | None = None
     """(H, W) float32. Distance of each pixel's surface in front of the camera, along its axis, in the unit of the
     camera's pose. Required if the rig's lights are near."""
-    clipped: NDArray[np.bool_] | None = None
+    clipped: Bools | None = None
     """(H, W, 3) bool. Where a channel is saturated; None if `clip` decides it."""
-    white: NDArray[np.float32] | None = None
+    white: Singles | None = None
     """(H, W, 3) float32. Linear RGB of the same pose under white light. Values outside the mask that are not finite
     become zero. Clipped pixels keep their value, a lower bound."""
-    white_clipped: NDArray[np.bool_] | None = None
+    white_clipped: Bools | None = None
     """(H, W, 3) bool. Where a channel of `white` is saturated; None if nowhere."""
-    white_light: NDArray[np.float64] | None = None
+    white_light: Doubles | None = None
     """(3,) float64. Unit vector from the surface to the one lamp that lit `white`; None if the rig's three lights,
     turned white, lit it."""
 
@@ -199,22 +198,22 @@ class Capture(Shown):
         known = [name for name, value in extras if value is not None]
         return ", ".join([f"object of {self.mask.sum():,} pixels", *known])
 
-    def picture(self, step: int = 1) -> NDArray[np.float32]:
+    def picture(self, step: int = 1) -> Singles:
         from mpsnet_core.scene.pictures import mask_bands
 
         return mask_bands(self.image[::step, ::step], self.mask[::step, ::step])(slice(None))
 
     @property
-    def saturated(self) -> NDArray[np.bool_]:
+    def saturated(self) -> Bools:
         """(H, W, 3) whether a channel is saturated."""
         return self.saturated_in(slice(None))
 
     @property
-    def saturated_lights(self) -> NDArray[np.bool_]:
+    def saturated_lights(self) -> Bools:
         """(H, W, 3) whether saturation affects a light after unmixing. Read-only."""
         return self.saturated_lights_in(slice(None))
 
-    def saturated_lights_in(self, rows: slice) -> NDArray[np.bool_]:
+    def saturated_lights_in(self, rows: slice) -> Bools:
         """(h, W, 3) whether saturation affects a light after unmixing, for some rows. Read-only."""
         saturated = self.saturated_in(rows)
         if np.array_equal(self.rig.mixing, np.eye(3)):
@@ -222,12 +221,12 @@ class Capture(Shown):
         # Unmixing computes each light from all channels, so one saturated channel affects all three.
         return np.broadcast_to(saturated.any(axis=-1, keepdims=True), saturated.shape)
 
-    def saturated_in(self, rows: slice) -> NDArray[np.bool_]:
+    def saturated_in(self, rows: slice) -> Bools:
         """(h, W, 3) whether a channel is saturated, for some rows."""
         return self.image[rows] >= SATURATED_SHARE * self.clip if self.clipped is None else self.clipped[rows]
 
 
-def finite_inside(image: NDArray[T], mask: NDArray[np.bool_], name: str) -> NDArray[T]:
+def finite_inside(image: NDArray[T], mask: Bools, name: str) -> NDArray[T]:
     """The image (H, W, 3) with zeros in place of values that are not finite; unchanged if there are none.
 
     Raises FormatError if such a value is inside the mask.
@@ -247,7 +246,7 @@ def finite_inside(image: NDArray[T], mask: NDArray[np.bool_], name: str) -> NDAr
     return result
 
 
-def _finite_and_lit(image: NDArray[T], mask: NDArray[np.bool_], name: str, black: str) -> NDArray[T]:
+def _finite_and_lit(image: NDArray[T], mask: Bools, name: str, black: str) -> NDArray[T]:
     """As :func:`finite_inside`. Raises GeometryError, with the question `black`, if the image is black in the mask."""
     result = finite_inside(image, mask, name)
     if not any((result[..., channel] > 0).any(where=mask) for channel in range(3)):
@@ -255,9 +254,7 @@ def _finite_and_lit(image: NDArray[T], mask: NDArray[np.bool_], name: str, black
     return result
 
 
-def checked_white(
-    white: NDArray[np.float32], clipped: NDArray[np.bool_] | None, mask: NDArray[np.bool_]
-) -> NDArray[np.float32]:
+def checked_white(white: Singles, clipped: Bools | None, mask: Bools) -> Singles:
     white = np.asarray(white, np.float32)
     if white.ndim != 3 or white.shape[2] != 3:
         raise FormatError(f"a white photo has three channels per pixel; this one has shape {white.shape}")
@@ -268,7 +265,7 @@ def checked_white(
     return white
 
 
-def _towards_lamp(direction: ArrayLike) -> NDArray[np.float64]:
+def _towards_lamp(direction: ArrayLike) -> Doubles:
     towards = np.asarray(direction, np.float64)
     if towards.shape != (3,) or not np.isfinite(towards).all() or towards[2] <= 0:
         raise GeometryError(
@@ -277,9 +274,7 @@ def _towards_lamp(direction: ArrayLike) -> NDArray[np.float64]:
     return np.asarray(towards / np.linalg.norm(towards))
 
 
-def depth_within(
-    mask: NDArray[np.bool_], depth: NDArray[np.float32] | float | None, rig: LightRig
-) -> NDArray[np.float32] | None:
+def depth_within(mask: Bools, depth: Singles | float | None, rig: LightRig) -> Singles | None:
     """(H, W) depth at every pixel of the mask, with unknown depth filled in; None for distant lights.
 
     depth: as in :func:`mpsnet_core.read_capture`. Raises InputError if it does not fit the mask.
@@ -318,7 +313,7 @@ def _log_assumed_unit(distance: float, near: NearLights) -> None:
         log.info(words, distance, expected)
 
 
-def channel_angles(values: NDArray[np.float64]) -> NDArray[np.float64] | None:
+def channel_angles(values: Doubles) -> Doubles | None:
     """(3,) angles in radians between the channels red and green, red and blue, green and blue as vectors over pixels.
 
     values: (N, 3). None if the whole object faces one way, unless the channels are equal: a flat object's channels are

@@ -1,17 +1,16 @@
 """From files to linear pixels: how to read photos and their companions, all of them alike."""
 
 import logging
-import os
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 import OpenImageIO as oiio
-from numpy.typing import NDArray
 
 from mpsnet_core.arrays.row_bands import bands
 from mpsnet_core.arrays.sizes import SAME_CAMERA, check_same_size
+from mpsnet_core.arrays.types import Bools, Singles, StrPath
 from mpsnet_core.errors import FormatError, SettingsError
 from mpsnet_core.io.frames import expand_images
 from mpsnet_core.io.image import CHANNELS, Assumed, Image, exposed_otherwise, in_frame_of, in_one_frame, turned
@@ -36,11 +35,11 @@ BAD_SHARE = 0.001
 class Correction:
     """An image to subtract from a photo, and one to multiply the difference by."""
 
-    dark: NDArray[np.float32] | None
+    dark: Singles | None
     """(H, W, 3) float32. Dark frame: the linear values of a photo without the three lights."""
-    gain: NDArray[np.float32] | None
+    gain: Singles | None
     """(H, W, 3) float32. Reciprocal of the flat field, which has mean 1 in the middle in each channel."""
-    unusable: NDArray[np.bool_] | None
+    unusable: Bools | None
     """(H, W, 3) bool. Where dark frame or flat field are saturated or too weak; None if there is neither."""
     exposure_time: float | None
     """Exposure time of the dark frame in seconds, if its file states it."""
@@ -61,8 +60,8 @@ class Correction:
 
 
 def read_correction(
-    dark: str | os.PathLike[str] | None = None,
-    flat: str | os.PathLike[str] | None = None,
+    dark: StrPath | None = None,
+    flat: StrPath | None = None,
     *,
     encoding: Encoding = "auto",
     layer: str | None = None,
@@ -158,7 +157,7 @@ def corrected(image: Image, correction: Correction | None) -> Image:
     return replace(image, pixels=pixels, clip=np.inf, clipped=clipped, assumed=None)
 
 
-def _mean_frame(path: str | os.PathLike[str], encoding: Encoding, layer: str | None) -> Image:
+def _mean_frame(path: StrPath, encoding: Encoding, layer: str | None) -> Image:
     """Mean of all frames; `clipped` where any of them is saturated, and the rest as in the first one.
 
     Frames of one channel are taken: what is dark, or even, has no colour.
@@ -176,7 +175,7 @@ def _mean_frame(path: str | os.PathLike[str], encoding: Encoding, layer: str | N
     return replace(mean, pixels=total / np.float32(len(files)), clipped=clipped)
 
 
-def _gain(field: NDArray[np.float32], flat: str | os.PathLike[str]) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
+def _gain(field: Singles, flat: StrPath) -> tuple[Singles, Bools]:
     """Reciprocal of the flat field (H, W, 3), 1 where it is too weak, and where that is (H, W, 3)."""
     height, width, _ = field.shape
     middle = field[height // 3 : height - height // 3, width // 3 : width - width // 3].mean(axis=(0, 1))
@@ -190,7 +189,7 @@ def _gain(field: NDArray[np.float32], flat: str | os.PathLike[str]) -> tuple[NDA
     return np.divide(1, field, out=np.ones_like(field), where=~weak), weak
 
 
-def _smoothed(field: NDArray[np.float32], pixels: int) -> NDArray[np.float32]:
+def _smoothed(field: Singles, pixels: int) -> Singles:
     """The field without detail finer than `pixels`: downsampled and upsampled."""
     height, width, _ = field.shape
     small = oiio.ROI(0, -(-width // pixels), 0, -(-height // pixels), 0, 1, 0, 3)
@@ -213,7 +212,7 @@ class PhotoReadOptions:
     assumed: Assumed | None = None
     """The encoding of files that do not state it. By default the usual one: sRGB for integers, linear for floats."""
 
-    def photo(self, path: str | os.PathLike[str], *, grey: bool = False) -> Image:
+    def photo(self, path: StrPath, *, grey: bool = False) -> Image:
         """Read a photo, without correction. grey and errors: as in :func:`read_image`.
 
         A large photo is held in half floats, unless it will be corrected.
@@ -221,7 +220,7 @@ class PhotoReadOptions:
         compact = self.correction is None
         return self._meant(read_image(path, encoding=self.encoding, layer=self.layer, grey=grey, compact=compact))
 
-    def companion(self, path: str | os.PathLike[str], photo: Image) -> Image:
+    def companion(self, path: StrPath, photo: Image) -> Image:
         """Read a companion of the photo, without correction, from the photo's layer if the file has several.
 
         It is turned as the photo was: the camera stood still.
@@ -250,7 +249,7 @@ def undistorted_photo(image: Image, camera: Camera, lens: Lens | None) -> Image:
     return replace(image, pixels=pixels, alpha=None, clip=clip, clipped=clipped)
 
 
-def warn_of_other_exposures(photos: Sequence[str | os.PathLike[str]], images: Sequence[Image]) -> None:
+def warn_of_other_exposures(photos: Sequence[StrPath], images: Sequence[Image]) -> None:
     """Report photos of one light each whose exposure time, by their files, differs from the first one's."""
     first = images[0].exposure_time
     for photo, image in zip(photos, images, strict=True):

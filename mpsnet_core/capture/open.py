@@ -8,9 +8,10 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from mpsnet_core.arrays.sizes import check_same_size
+from mpsnet_core.arrays.types import Bools, Singles, StrPath
 from mpsnet_core.arrays.upsample import chosen_pixels
 from mpsnet_core.capture.capture import Capture, checked_white, depth_within, doubts
 from mpsnet_core.capture.decode import AS_STATED, Correction, PhotoReadOptions, corrected, undistorted_photo
@@ -51,7 +52,7 @@ class Source:
     """Its file, or a function that returns its pixels as read, such as those of a video's frame."""
     rig: LightRig | None
     """The lights, in camera space; None if they are unknown. There is then a mask, but no capture."""
-    mask: str | os.PathLike[str] | Callable[[Image], NDArray[np.bool_]] = MASK
+    mask: StrPath | Callable[[Image], Bools] = MASK
     """The mask as in :func:`mpsnet_core.read_capture`, :data:`MESH`, or a function that finds the mask (H, W) in the
     photo."""
     name: str = ""
@@ -61,11 +62,11 @@ class Source:
     is scaled to the photo's size."""
     lens: Lens | None = None
     """The distortion to remove; None if there is none."""
-    depth: NDArray[np.float32] | float | None = None
+    depth: Singles | float | None = None
     """(H, W) or a number. Distance of the surface in front of the camera, as in :func:`mpsnet_core.read_capture`."""
     scene: RayScene | None = None
     """The object's mesh in the camera's world, in place of the depth."""
-    white: Sequence[str | os.PathLike[str]] = ()
+    white: Sequence[StrPath] = ()
     """Photos of the same pose under white light, as in :func:`mpsnet_core.read_capture`."""
     white_light: ArrayLike | None = None
     """What lit the white photos, as in :func:`mpsnet_core.read_capture`."""
@@ -93,16 +94,16 @@ def open_captures(sources: Iterable[Source], options: PhotoReadOptions = AS_STAT
 
 @takes_files
 def read_capture(
-    path: str | os.PathLike[str],
+    path: StrPath,
     rig: LightRig,
     *,
-    mask: str | os.PathLike[str] = MASK,
+    mask: StrPath = MASK,
     encoding: Encoding = "auto",
     layer: str | None = None,
     camera: Camera | float | None = None,
-    depth: NDArray[np.float32] | float | None = None,
+    depth: Singles | float | None = None,
     correction: Correction | None = None,
-    white: str | os.PathLike[str] | Sequence[str | os.PathLike[str]] = (),
+    white: StrPath | Sequence[StrPath] = (),
     white_light: ArrayLike | None = None,
 ) -> Capture:
     """Read a photo as a capture.
@@ -148,7 +149,7 @@ class MaskedPhoto:
 
     image: Image
     """The corrected and undistorted photo."""
-    mask: NDArray[np.bool_]
+    mask: Bools
     """(H, W). The pixels of the object."""
     camera: Camera | None
     """Its pinhole camera, scaled to the photo's size; None if unknown."""
@@ -303,7 +304,7 @@ class PhotoSet:
         return replace(capture, white=total, white_clipped=clipped if clipped.any() else None, white_light=light)
 
 
-def _depth(source: Source, photo: MaskedPhoto) -> NDArray[np.float32] | None:
+def _depth(source: Source, photo: MaskedPhoto) -> Singles | None:
     """(H, W) the depth that near lights need, at every pixel of the mask; None for distant ones."""
     assert source.rig is not None
     depth = source.depth
@@ -314,5 +315,5 @@ def _depth(source: Source, photo: MaskedPhoto) -> NDArray[np.float32] | None:
     return depth_within(photo.mask, depth, source.rig) if photo.mask.any() else None  # Capture rejects an empty mask
 
 
-def _white_is_the_photo(path: str | os.PathLike[str]) -> SettingsError:
+def _white_is_the_photo(path: StrPath) -> SettingsError:
     return SettingsError(f"{path}: the white photo is the photo itself; give the one under white light")

@@ -13,9 +13,7 @@ from mpsnet_core.progress import Progress, silent
 from mpsnet_core.scene.operations import ReadsPictures, TakesMesh
 
 if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
-
+    from mpsnet_core.arrays.types import Bools
     from mpsnet_core.capture.decode import PhotoReadOptions
     from mpsnet_core.capture.open import Source
     from mpsnet_core.capture.photo_check import Finding
@@ -70,7 +68,7 @@ class ReadsPhotos(ReadsPictures):
             )
         return PhotoReadOptions(self.encoding, self.layer, correction)
 
-    def photo_and_mask(self, source: "Source", progress: Progress) -> "tuple[Image, NDArray[np.bool_], float | None]":
+    def photo_and_mask(self, source: "Source", progress: Progress) -> "tuple[Image, Bools, float | None]":
         """A corrected photo, the object's mask (H, W), and the evidence against the usual encoding if it states none.
 
         Raises InputError if a file cannot be read, no object is found, or the mask has another size.

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator
 from dataclasses import replace
-from typing import Any, Protocol, TypeVar
+from typing import Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from mpsnet_core.arrays.block_means import means_inside
 from mpsnet_core.arrays.mask_regions import bounding_box
 from mpsnet_core.arrays.row_bands import bands
+from mpsnet_core.arrays.types import Bools, Floats, Singles
 from mpsnet_core.arrays.unit_vectors import normalised
 from mpsnet_core.arrays.upsample import chosen_pixels, upsampled
 from mpsnet_core.capture.capture import Capture
@@ -29,7 +30,6 @@ from mpsnet_core.io.image import storage_type
 from mpsnet_core.progress import Progress, part
 
 T = TypeVar("T", bound=np.generic)
-Floats = NDArray[np.float32]
 Window = tuple[slice, slice]
 
 # A pyramid starts at the scale where the object's longer side is at most this many pixels.
@@ -44,12 +44,10 @@ READ_AT_ONCE = 1 << 20
 class NetworkRunner(Protocol):
     """Runs an ONNX network: inputs by name to normals (N, 3, H, W) and confidence (N, 1, H, W)."""
 
-    def __call__(self, inputs: dict[str, Floats], count: int, *size: int) -> tuple[Floats, Floats]: ...
+    def __call__(self, inputs: dict[str, Singles], count: int, *size: int) -> tuple[Singles, Singles]: ...
 
 
-def predict_dense(
-    network: NetworkRunner, card: ModelCard, capture: Capture, tile: int, progress: Progress
-) -> NDArray[np.floating[Any]]:
+def predict_dense(network: NetworkRunner, card: ModelCard, capture: Capture, tile: int, progress: Progress) -> Floats:
     """(H, W, 4) normals of `capture`, not normalised, and their confidence; zero outside the mask.
 
     A pyramid's first scale shows the whole object on at most 128 pixels a side. Each further scale has twice the
@@ -62,12 +60,12 @@ def predict_dense(
     Scales, features and outputs are computed a tile at a time: large photos need little memory beyond the photo and
     the returned array.
     """
-    output: NDArray[np.floating[Any]] = np.zeros((*capture.mask.shape, 4), storage_type(capture.mask.shape))
+    output: Floats = np.zeros((*capture.mask.shape, 4), storage_type(capture.mask.shape))
     photo = _Photo(capture)
     frames = canonical_frames(capture.rig.directions, card.passes) if card.frame == "canonical" else [CAMERA_FRAME]
     first = SMALL if card.magnified > 1 else COARSEST
     halvings = photo.halvings(first) if card.kind == "pyramid" else 0
-    previous: NDArray[np.floating[Any]] | None = None
+    previous: Floats | None = None
     if card.magnified > 1:
         rest = sum(4.0**k for k in range(1, halvings + 1))
         share = card.magnified**2 / (card.magnified**2 + rest)
@@ -95,7 +93,7 @@ def predict_dense(
 
 def _predict_magnified(
     network: NetworkRunner, card: ModelCard, photo: "_Photo", halving: int, tile: int, progress: Progress
-) -> Floats:
+) -> Singles:
     """(h, w, 4) the output on a scale, estimated from its magnified image."""
     height, width = photo.shape(halving)
     crop = photo.crop((slice(0, height), slice(0, width)), halving, None)
@@ -118,12 +116,11 @@ def _magnified(capture: Capture, crop: PhotoCrop, times: float) -> Capture:
     )
 
 
-def _resized(values: Floats, mask: NDArray[np.bool_], shape: tuple[int, int]) -> Floats:
+def _resized(values: Singles, mask: Bools, shape: tuple[int, int]) -> Singles:
     """Values (h, w, C) resized bilinearly to (H, W), from the pixels inside the mask only."""
     inside = mask[..., None].astype(np.float32)
     covered = np.maximum(upsampled(inside, shape, slice(None)), np.float32(1e-3))
-    resized: Floats = upsampled(values * inside, shape, slice(None)) / covered
-    return resized
+    return upsampled(values * inside, shape, slice(None)) / covered
 
 
 def _share_done(halving: int, halvings: int, share: float) -> float:
@@ -161,14 +158,14 @@ class _Photo:
         """Whether any pixel of the object is in a window of a scale."""
         return bool(self.capture.mask[self._photo_pixels(*window, halving)].any())
 
-    def crop(self, window: Window, halving: int, previous: NDArray[np.floating[Any]] | None) -> PhotoCrop:
+    def crop(self, window: Window, halving: int, previous: Floats | None) -> PhotoCrop:
         """A window of a scale, with the output (h, w, 4) on the previous scale."""
         light, mask = self._read(window, halving)
         before = None if previous is None else _previous(previous, window)
         rig, grey = self.capture.rig, self.capture.white is not None
         return PhotoCrop(light, mask, rig.directions, self._means, before, rig.is_ground_truth, grey)
 
-    def _read(self, window: Window, halving: int) -> tuple[Floats, NDArray[np.bool_]]:
+    def _read(self, window: Window, halving: int) -> tuple[Singles, Bools]:
         shape = window[0].stop - window[0].start, window[1].stop - window[1].start
         image, mask = np.zeros((*shape, 3), np.float32), np.zeros(shape, bool)
         # A few rows of the window at a time: a row of a coarse scale covers many of the photo's own rows.
@@ -191,7 +188,7 @@ class _Photo:
         return first, second
 
 
-def _previous(output: NDArray[np.floating[Any]], window: Window) -> Floats:
+def _previous(output: Floats, window: Window) -> Singles:
     """The map "previous" (h, w, 4) of a window at twice the resolution of `output`; bilinear, ignoring empty pixels."""
     rows, columns = _window_on_previous_scale(window, output)
     part = output[rows, columns].astype(np.float32)
@@ -205,12 +202,12 @@ def _previous(output: NDArray[np.floating[Any]], window: Window) -> Floats:
         for side, source in zip(window, (rows, columns), strict=True)
     )
     part = part[down, right]
-    values: Floats = np.divide(part[..., :4], np.maximum(part[..., 4:], np.float32(1e-3)))
+    values: Singles = np.divide(part[..., :4], np.maximum(part[..., 4:], np.float32(1e-3)))
     values[..., :3] = normalised(values[..., :3])
     return values
 
 
-def _window_on_previous_scale(window: Window, output: NDArray[np.floating[Any]]) -> Window:
+def _window_on_previous_scale(window: Window, output: Floats) -> Window:
     """The part of an output that a window at twice its resolution needs."""
     rows, columns = (
         slice(max(side.start // 2 - 1, 0), min(-(-side.stop // 2) + 1, length))
@@ -219,7 +216,7 @@ def _window_on_previous_scale(window: Window, output: NDArray[np.floating[Any]])
     return rows, columns
 
 
-def _doubled(values: Floats, axis: int) -> Floats:
+def _doubled(values: Singles, axis: int) -> Singles:
     """Upsample by 2 along an axis, bilinearly: 3/4 of each value and 1/4 of its nearer neighbour."""
     shape = list(values.shape)
     shape[axis] *= 2
@@ -235,7 +232,7 @@ def _doubled(values: Floats, axis: int) -> Floats:
     return twice
 
 
-def _predict_tile(network: NetworkRunner, card: ModelCard, crop: PhotoCrop, frame: LightFrame) -> Floats:
+def _predict_tile(network: NetworkRunner, card: ModelCard, crop: PhotoCrop, frame: LightFrame) -> Singles:
     """(H, W, 4) unit normals in camera space and confidence; zero outside the mask."""
     height, width = crop.mask.shape
     size = _padded(frame.picture(crop.mask).shape, card.multiple)
@@ -248,7 +245,7 @@ def _predict_tile(network: NetworkRunner, card: ModelCard, crop: PhotoCrop, fram
     return output[:height, :width] * crop.mask[..., None]
 
 
-def _inputs(card: ModelCard, crop: PhotoCrop, frame: LightFrame) -> dict[str, Floats]:
+def _inputs(card: ModelCard, crop: PhotoCrop, frame: LightFrame) -> dict[str, Singles]:
     """The network's inputs by name, (1, C, H, W), in a light frame."""
     turned = _in_frame(crop, frame, card.multiple)
     inputs = {}
@@ -324,9 +321,7 @@ def _step(length: int, tile: int, grain: int, reach: int) -> int:
 PATCHES_A_BATCH = 128
 
 
-def predict_patches(
-    network: NetworkRunner, card: ModelCard, capture: Capture, progress: Progress
-) -> NDArray[np.float32]:
+def predict_patches(network: NetworkRunner, card: ModelCard, capture: Capture, progress: Progress) -> Singles:
     """(H, W, 4) normals of `capture`, not normalised, and their confidence; zero outside the mask."""
     side, reach = card.patch, card.patch // 2
     box = bounding_box(capture.mask)

@@ -6,10 +6,10 @@ from dataclasses import replace
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mpsnet_core.arrays.row_bands import bands
 from mpsnet_core.arrays.sampling import grid_step
+from mpsnet_core.arrays.types import Bools, Indices, Singles, StrPath
 from mpsnet_core.capture.capture import Capture
 from mpsnet_core.errors import SettingsError
 from mpsnet_core.estimate.albedo_removal import divide_out_grain, estimate_with_albedo_removed
@@ -71,7 +71,7 @@ def remove_fireflies(capture: Capture) -> Capture:
     return capture if image is capture.image else replace(capture, image=image)
 
 
-def _mirrored_indices(places: NDArray[np.intp], length: int) -> NDArray[np.intp]:
+def _mirrored_indices(places: Indices, length: int) -> Indices:
     """Indices along a side, mirrored at its ends."""
     return np.asarray(length - 1 - np.abs(length - 1 - np.abs(places)))
 
@@ -111,7 +111,7 @@ class Estimator:
 
     def __init__(
         self,
-        model: str | os.PathLike[str] = DEFAULT_MODEL,
+        model: StrPath = DEFAULT_MODEL,
         *,
         passes: Literal[1, 3] | None = None,
         provider: str = "cpu",
@@ -161,7 +161,7 @@ class Estimator:
 @takes_files
 def estimate_normals(
     capture: Capture,
-    model: str | os.PathLike[str] = DEFAULT_MODEL,
+    model: StrPath = DEFAULT_MODEL,
     *,
     passes: Literal[1, 3] | None = None,
     provider: str = "cpu",
@@ -208,11 +208,11 @@ def estimate_normals(
     return estimator(capture, progress)
 
 
-def usable_channels(capture: Capture) -> NDArray[np.bool_]:
+def usable_channels(capture: Capture) -> Bools:
     """(H, W, 3) whether a light reaches the pixel and its channel is not saturated."""
     everywhere, usable = bands(len(capture.mask)), np.empty(capture.image.shape, bool)
 
-    def light(rows: slice) -> NDArray[np.float32]:
+    def light(rows: slice) -> Singles:
         return capture.rig.unmixed(capture.image[rows])
 
     bright = [

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mpsnet_core.arrays.row_bands import bands
+from mpsnet_core.arrays.types import Bools, Doubles, Singles
 from mpsnet_core.arrays.unit_vectors import normalised
 from mpsnet_core.capture.capture import Capture
 
@@ -38,12 +39,12 @@ class LightFrame:
     """Whether left and right are then swapped."""
 
     @property
-    def rotation(self) -> NDArray[np.float64]:
+    def rotation(self) -> Doubles:
         """(3, 3) matrix from camera space into the frame, for column vectors; a reflection if mirrored."""
         turn = np.linalg.matrix_power(QUARTER_TURN, self.quarter_turns)
         return MIRROR @ turn if self.mirrored else turn
 
-    def lights(self, directions: NDArray[np.float64]) -> NDArray[np.float64]:
+    def lights(self, directions: Doubles) -> Doubles:
         """(3, 3) the rig's directions in the frame and in its order, one light per row."""
         return directions[list(self.order)] @ self.rotation.T
 
@@ -56,7 +57,7 @@ class LightFrame:
 CAMERA_FRAME = LightFrame()
 
 
-def canonical_frames(directions: NDArray[np.float64], passes: int = 6) -> list[LightFrame]:
+def canonical_frames(directions: Doubles, passes: int = 6) -> list[LightFrame]:
     """Frames with counter-clockwise lights, sorted by how close their first light is to straight up.
 
     directions: (3, 3) one light per row, in camera space. passes: number of frames, 1 to 6. Each light can be the
@@ -103,13 +104,13 @@ CONSTANTS = frozenset({"lights", "channel_means", "given", "exact"})
 MIN_MEAN = 1e-4
 
 
-def divide_by_means(image: NDArray[np.float32], means: NDArray[np.float64] | float) -> NDArray[np.float32]:
+def divide_by_means(image: Singles, means: Doubles | float) -> Singles:
     """The image (..., 3) divided by one mean, or each channel by its own; by 1 if that is not above 0."""
-    divisor: NDArray[np.float32] = np.where(np.greater(means, 0), means, 1).astype(np.float32)
+    divisor: Singles = np.where(np.greater(means, 0), means, 1).astype(np.float32)
     return image / divisor
 
 
-def initial_normals(image: NDArray[np.float32], directions: NDArray[np.float64]) -> NDArray[np.float32]:
+def initial_normals(image: Singles, directions: Doubles) -> Singles:
     """Equation 2: ``n = L⁻¹ c``, normalised.
 
     image: (..., 3) linear, one channel per light. directions: (3, 3), one unit vector per row. Returns (..., 3) unit
@@ -126,15 +127,15 @@ def channel_count(features: Iterable[str]) -> int:
 class PhotoCrop(NamedTuple):
     """A window of a photo on some scale, and properties of the whole photo."""
 
-    light: NDArray[np.float32]
+    light: Singles
     """(H, W, 3). Unmixed image."""
-    mask: NDArray[np.bool_]
+    mask: Bools
     """(H, W). The object."""
-    directions: NDArray[np.float64]
+    directions: Doubles
     """(3, 3). Light directions in camera space, one light per row."""
-    means: NDArray[np.float64]
+    means: Doubles
     """(3,). Mean of `light` over the whole mask."""
-    previous: NDArray[np.float32] | None = None
+    previous: Singles | None = None
     """(H, W, 4). The map "previous"; None on the first scale."""
     is_ground_truth: bool = False
     """Whether the lights are known exactly."""
@@ -142,7 +143,7 @@ class PhotoCrop(NamedTuple):
     """Whether a white photo removed the surface's colour."""
 
 
-def feature_maps(capture: Capture, names: Iterable[str]) -> dict[str, NDArray[np.float32]]:
+def feature_maps(capture: Capture, names: Iterable[str]) -> dict[str, Singles]:
     """The named maps of a whole photo, each (C, H, W) float32 and zero outside the mask; constants are (C, 1, 1)."""
     crop = PhotoCrop(
         capture.rig.unmixed(capture.image),
@@ -155,7 +156,7 @@ def feature_maps(capture: Capture, names: Iterable[str]) -> dict[str, NDArray[np
     return {name: feature_map(name, crop) for name in names}
 
 
-def mean_light(capture: Capture) -> NDArray[np.float64]:
+def mean_light(capture: Capture) -> Doubles:
     """(3,) mean of the unmixed image over the mask."""
     total = np.zeros(3)
     for rows in bands(len(capture.mask)):
@@ -163,14 +164,14 @@ def mean_light(capture: Capture) -> NDArray[np.float64]:
     return np.linalg.solve(capture.rig.mixing, total / capture.mask.sum())
 
 
-def feature_map(name: str, crop: PhotoCrop) -> NDArray[np.float32]:
+def feature_map(name: str, crop: PhotoCrop) -> Singles:
     """The named map of a window, (C, H, W) float32 and zero outside the mask; constants are (C, 1, 1)."""
     light, mask, directions, means = crop.light, crop.mask, crop.directions, crop.means
     if name == "lights":
         return directions.astype(np.float32).reshape(9, 1, 1)
     if name == "channel_means":
         floor = np.maximum(means, MIN_MEAN * max(float(means.mean()), 1e-30))
-        shares: NDArray[np.float64] = floor / floor.mean()
+        shares: Doubles = floor / floor.mean()
         return shares.astype(np.float32).reshape(3, 1, 1)
     if name == "given":
         return np.array([crop.previous is not None, crop.grey], np.float32).reshape(2, 1, 1)

@@ -14,9 +14,9 @@ from typing import TypeVar
 
 import numpy as np
 import onnxruntime
-from numpy.typing import NDArray
 
 from mpsnet_core.arrays.row_bands import bands
+from mpsnet_core.arrays.types import Singles, StrPath
 from mpsnet_core.capture.capture import Capture
 from mpsnet_core.errors import FormatError, SettingsError, check_choice
 from mpsnet_core.estimate.card import ModelCard, card_from_metadata, record_from_metadata
@@ -183,7 +183,7 @@ class OnnxModel:
 
     def __init__(
         self,
-        path: str | os.PathLike[str],
+        path: StrPath,
         *,
         provider: str = "cpu",
         threads: int = 0,
@@ -227,9 +227,7 @@ class OnnxModel:
         progress(1.0, "normals estimated")
         return NormalMap(answer[..., :3], capture.mask, answer[..., 3], in_place=True)
 
-    def _run(
-        self, inputs: dict[str, NDArray[np.float32]], count: int, *size: int
-    ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    def _run(self, inputs: dict[str, Singles], count: int, *size: int) -> tuple[Singles, Singles]:
         """The network's normals (count, 3, *size) and confidence (count, 1, *size); all 1 if it outputs none."""
         try:
             outputs = dict(zip(self._outputs, run_session(self.session, inputs), strict=True))
@@ -263,9 +261,7 @@ class OnnxModel:
         with contextlib.suppress(*_RUNTIME_ERRORS):  # other people's networks may refuse so small an input
             run_session(self.session, least, shrinking)
 
-    def _shaped(
-        self, name: str, outputs: dict[str, NDArray[np.float32]], expected: tuple[int, ...]
-    ) -> NDArray[np.float32]:
+    def _shaped(self, name: str, outputs: dict[str, Singles], expected: tuple[int, ...]) -> Singles:
         """An output in the expected shape. Axes of length one may differ."""
         shape = outputs[name].shape
         if [length for length in shape if length > 1] != [length for length in expected if length > 1]:
@@ -276,16 +272,11 @@ class OnnxModel:
 
 
 def run_session(
-    session: onnxruntime.InferenceSession,
-    inputs: dict[str, NDArray[np.float32]],
-    options: onnxruntime.RunOptions | None = None,
-) -> list[NDArray[np.float32]]:
+    session: onnxruntime.InferenceSession, inputs: dict[str, Singles], options: onnxruntime.RunOptions | None = None
+) -> list[Singles]:
     """Run a network. If a signal raises an exception meanwhile, the network stops after its present layer."""
     options = options or onnxruntime.RunOptions()
-    found: list[NDArray[np.float32]] = _in_a_thread(
-        lambda: session.run(None, inputs, options), stop=lambda: setattr(options, "terminate", True)
-    )
-    return found
+    return _in_a_thread(lambda: session.run(None, inputs, options), stop=lambda: setattr(options, "terminate", True))
 
 
 def _in_a_thread(work: Callable[[], T], stop: Callable[[], None] = lambda: None) -> T:

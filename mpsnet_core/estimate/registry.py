@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal, NamedTuple
 
+from mpsnet_core.arrays.types import StrPath
 from mpsnet_core.errors import FileError, SettingsError
 
 log = logging.getLogger(__name__)
@@ -135,7 +136,7 @@ class NetworkFile(NamedTuple):
     """Number of passes in place of the card's, see :class:`RegisteredModel`."""
 
 
-def find_network(name: str | os.PathLike[str]) -> NetworkFile:
+def find_network(name: StrPath) -> NetworkFile:
     """The ONNX file of a network given by name or by path.
 
     Raises SettingsError if there is no such network, FileError if its file is missing.

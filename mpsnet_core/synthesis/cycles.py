@@ -1,6 +1,5 @@
 """Samples from Cycles: convert the multi-layer EXR of a render to a sample; ray casting adds depth and visibility."""
 
-import os
 from pathlib import Path
 from typing import Any
 
@@ -8,6 +7,7 @@ import numpy as np
 import OpenImageIO as oiio
 from numpy.typing import NDArray
 
+from mpsnet_core.arrays.types import Bools, Floats, Singles, StrPath
 from mpsnet_core.arrays.unit_vectors import dot, normalised
 from mpsnet_core.errors import FormatError
 from mpsnet_core.io.files import existing_file
@@ -29,11 +29,7 @@ _ELSEWHERE = ((np.stack(np.meshgrid(np.arange(4), np.arange(4)), axis=-1) + 0.5)
 
 
 def sample_from_cycles(
-    path: str | os.PathLike[str],
-    recipe: SceneDescription,
-    vertices: NDArray[np.floating[Any]],
-    triangles: NDArray[np.integer[Any]],
-    renderer: str,
+    path: StrPath, recipe: SceneDescription, vertices: Floats, triangles: NDArray[np.integer[Any]], renderer: str
 ) -> Sample:
     """The sample in the multi-layer EXR that Blender 4.5 or later rendered for a recipe.
 
@@ -50,7 +46,7 @@ def sample_from_cycles(
     planes = _planes(path)
     camera = recipe.camera
 
-    def layer(name: str, *choices: str) -> NDArray[np.float32]:
+    def layer(name: str, *choices: str) -> Singles:
         """A pass, (H, W, C), by its name and the possible names of its channels."""
         for channels in choices:
             if all(f"{name}.{channel}" in planes for channel in channels):
@@ -82,12 +78,12 @@ def sample_from_cycles(
     )
 
 
-def _planes(path: Path) -> dict[str, NDArray[np.float32]]:
+def _planes(path: Path) -> dict[str, Singles]:
     """All channels of all parts of a file, by name without the view layer."""
     source, reason = image_input_or_reason(path)
     if source is None:
         raise FormatError(f"{path} is not a render, or cut short ({reason}); make the sample again")
-    planes: dict[str, NDArray[np.float32]] = {}
+    planes: dict[str, Singles] = {}
     try:
         part = 0
         while source.seek_subimage(part, 0):
@@ -104,7 +100,7 @@ def _planes(path: Path) -> dict[str, NDArray[np.float32]]:
     return planes
 
 
-def _checked(values: NDArray[np.float32], what: str, camera: Camera, path: Path) -> NDArray[np.float32]:
+def _checked(values: Singles, what: str, camera: Camera, path: Path) -> Singles:
     height, width = values.shape[:2]
     if (width, height) != (camera.width, camera.height):
         raise FormatError(
@@ -118,11 +114,11 @@ def _checked(values: NDArray[np.float32], what: str, camera: Camera, path: Path)
 def _traced(
     recipe: SceneDescription,
     scene: RayScene,
-    vertices: NDArray[np.floating[Any]],
+    vertices: Floats,
     triangles: NDArray[np.integer[Any]],
-    normals: NDArray[np.float32],
-    covered: NDArray[np.bool_],
-) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    normals: Singles,
+    covered: Bools,
+) -> tuple[Singles, Singles]:
     """Depth (H, W), and `lit` (3, H, W), of the covered pixels."""
     camera = recipe.camera
     depth = np.zeros(covered.shape, np.float32)

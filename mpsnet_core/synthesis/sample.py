@@ -1,7 +1,6 @@
 """Samples: a view under each of three white lights, with its true normals; one EXR file each."""
 
 import json
-import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -12,6 +11,7 @@ import numpy as np
 import OpenImageIO as oiio
 from numpy.typing import NDArray
 
+from mpsnet_core.arrays.types import Bools, Singles, StrPath
 from mpsnet_core.arrays.unit_vectors import dot, normalised
 from mpsnet_core.errors import FileError, FormatError, InputError
 from mpsnet_core.io.files import MAX_TEXT_BYTES, atomic_write, existing_file
@@ -42,20 +42,20 @@ _NO_DATE = "1970:01:01 00:00:00"
 class Sample:
     """One view under each of three white lights, H x W pixels, row 0 on top."""
 
-    lights: NDArray[np.float32]
+    lights: Singles
     """(3, H, W, 3) float32. Linear RGB radiance under each light alone; 1 for a white matt surface facing the light.
     Premultiplied with alpha: the background is black."""
-    normals: NDArray[np.float32]
+    normals: Singles
     """(H, W, 3) float32. True unit normals in camera space (x right, y up, z towards the camera), bump included; zero
     outside alpha."""
-    depth: NDArray[np.float32]
+    depth: Singles
     """(H, W) float32. Distance in front of the camera along its axis, in radii of the object's bounding sphere; 0
     outside alpha."""
-    alpha: NDArray[np.float32]
+    alpha: Singles
     """(H, W) float32. Coverage of the pixel by the object, 0 to 1."""
     material: NDArray[np.int32]
     """(H, W) int32. Index of the material with the largest weight; -1 outside alpha."""
-    lit: NDArray[np.float32]
+    lit: Singles
     """(3, H, W) float32. Share of each light that reaches the pixel, 0 to 1; 0 in attached and cast shadow."""
     recipe: SceneDescription
     """Description of the scene."""
@@ -63,7 +63,7 @@ class Sample:
     """For example "synthesis" or "Cycles 4.5.15"."""
 
     @property
-    def mask(self) -> NDArray[np.bool_]:
+    def mask(self) -> Bools:
         """(H, W) pixels that the object covers completely."""
         return self.alpha > 0.99
 
@@ -75,7 +75,7 @@ class Sample:
         return tuple(float(share) for share in shares)  # type: ignore[return-value]
 
 
-def write_sample(path: str | os.PathLike[str], sample: Sample) -> None:
+def write_sample(path: StrPath, sample: Sample) -> None:
     """Write a sample as one multi-layer EXR, atomically.
 
     Layers are light1, light2, light3 (R, G, B), normal (X, Y, Z), depth (Z), alpha (A), material and lit1 to lit3 (V).
@@ -126,7 +126,7 @@ def write_sample(path: str | os.PathLike[str], sample: Sample) -> None:
             raise FileError(f"cannot write {path} ({reason}); is the disk full?")
 
 
-def read_sample(path: str | os.PathLike[str]) -> Sample:
+def read_sample(path: StrPath) -> Sample:
     """Read and check a sample.
 
     Parameters
@@ -177,7 +177,7 @@ def read_sample(path: str | os.PathLike[str]) -> Sample:
     )
 
 
-def read_sample_data(path: str | os.PathLike[str]) -> dict[str, Any]:
+def read_sample_data(path: StrPath) -> dict[str, Any]:
     """Read a sample's metadata only: "version", "renderer", "lit_fractions" and "recipe" (plain data).
 
     Also reads the last row of pixels, which truncated files lack. Raises FormatError if the file is truncated or no
@@ -191,7 +191,7 @@ def read_sample_data(path: str | os.PathLike[str]) -> dict[str, Any]:
 
 
 @contextmanager
-def _opened(path: str | os.PathLike[str]) -> Iterator[tuple[Any, Path]]:
+def _opened(path: StrPath) -> Iterator[tuple[Any, Path]]:
     """The open file, after checking that it is one image with a sample's channels and an acceptable size."""
     path = existing_file(path, "sample")
     source = image_input(path)
@@ -249,7 +249,7 @@ def _description(source: Any, path: Path) -> tuple[dict[str, Any], SceneDescript
     return data, recipe
 
 
-def _pixels(source: Any, begin: int, end: int, path: Path) -> NDArray[np.float32]:
+def _pixels(source: Any, begin: int, end: int, path: Path) -> Singles:
     """Rows `begin` to `end` - 1 of all channels, (rows, W, C)."""
     with silence_libraries():
         values = source.read_scanlines(begin, end, 0, 0, len(_CHANNELS), oiio.FLOAT)
@@ -265,6 +265,6 @@ def _damaged(path: Path, fault: str) -> FormatError:
     return FormatError(f"sample {path} is damaged: it holds {fault}; delete it and make it again")
 
 
-def _outside_unit(values: NDArray[np.float32]) -> bool:
+def _outside_unit(values: Singles) -> bool:
     # Half floats and denoisers cause small deviations.
     return bool(values.min() < -0.001 or values.max() > 1.001)

@@ -11,8 +11,8 @@ from functools import lru_cache
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mpsnet_core.arrays.types import Doubles
 from mpsnet_core.errors import SettingsError
 from mpsnet_core.scene.camera import Camera
 from mpsnet_core.scene.rig import direction_from_angles
@@ -167,7 +167,7 @@ def _draw_shape(job: SampleJob, number: int) -> dict[str, Any]:
 # --- poses, camera and lights -----------------------------------------------------------------------------------------
 
 
-def _rotation(rng: np.random.Generator, pose: str) -> NDArray[np.float64]:
+def _rotation(rng: np.random.Generator, pose: str) -> Doubles:
     if pose not in ("upright", "front"):
         return rotation(rng)
     spin = turn_about(Z, uniform(rng, 0, 360)).T
@@ -176,7 +176,7 @@ def _rotation(rng: np.random.Generator, pose: str) -> NDArray[np.float64]:
         return roll @ turn_about((1, 0, 0), uniform(rng, *UPRIGHT_ELEVATION) - 90).T @ spin
     # "front": the object's z towards the camera
     tilt = uniform(rng, 0, 2 * math.pi)
-    lean: NDArray[np.float64] = turn_about((math.cos(tilt), math.sin(tilt), 0), FRONT_TURN * math.sqrt(rng.random())).T
+    lean: Doubles = turn_about((math.cos(tilt), math.sin(tilt), 0), FRONT_TURN * math.sqrt(rng.random())).T
     return lean @ spin
 
 
@@ -192,14 +192,14 @@ def _camera(rng: np.random.Generator, size: int) -> Camera:
     return Camera("perspective", size, size, np.full(2, size * length / SENSOR_WIDTH), centre, pose)
 
 
-def _light_directions(rng: np.random.Generator) -> NDArray[np.float64]:
+def _light_directions(rng: np.random.Generator) -> Doubles:
     slants = np.clip(uniform(rng, *SLANT) + SLANT_SPREAD * rng.normal(size=3), *SLANT)
     handed = 1 if rng.random() < 0.5 else -1
     strays = np.clip(TILT_SPREAD * rng.normal(size=3), -TILT_REACH, TILT_REACH)
     return direction_from_angles(slants, 360 * rng.random() + handed * np.array([0, 120, 240]) + strays)
 
 
-def _published_directions(rng: np.random.Generator, rigs: Sequence[Any]) -> NDArray[np.float64]:
+def _published_directions(rng: np.random.Generator, rigs: Sequence[Any]) -> Doubles:
     slants, tilts = np.array(choice(rng, rigs)) + PUBLISHED_SPREAD * np.clip(rng.normal(size=(2, 3)), -2, 2)
     return direction_from_angles(slants, tilts)
 

@@ -14,12 +14,10 @@ from mpsnet_core.progress import Progress, part, silent
 from mpsnet_core.scene.operations import TakesMesh
 
 if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
-
+    from mpsnet_core.arrays.types import Bools, Doubles, Singles
     from mpsnet_core.capture.capture import Capture
     from mpsnet_core.estimate.alignment.points import PointFit
-    from mpsnet_core.estimate.alignment.pose import Floats, MeshFaces
+    from mpsnet_core.estimate.alignment.pose import MeshFaces
     from mpsnet_core.estimate.alignment.refine import Fit
     from mpsnet_core.scene.camera import Camera
 
@@ -149,7 +147,7 @@ class Align(RunsModel, TakesMesh, ReadsPhotos):
         fits, point_fit, turned_over = self._fits(capture, faces, pairs, progress)
         return self._written(capture, faces, fits, pairs, point_fit, turned_over, progress)
 
-    def _pairs(self) -> "tuple[Floats, Floats] | None":
+    def _pairs(self) -> "tuple[Doubles, Doubles] | None":
         """The pairs of points, those on the mesh in world space."""
         from mpsnet_core.estimate.alignment.points import read_pairs
         from mpsnet_core.scene.mesh import world_from_file
@@ -189,7 +187,7 @@ class Align(RunsModel, TakesMesh, ReadsPhotos):
         return focal
 
     def _fits(
-        self, capture: "Capture", faces: "MeshFaces", pairs: "tuple[Floats, Floats] | None", progress: Progress
+        self, capture: "Capture", faces: "MeshFaces", pairs: "tuple[Doubles, Doubles] | None", progress: Progress
     ) -> "tuple[list[Fit], PointFit | None, bool]":
         """The best fits, the fit of the pairs alone, and whether the mirror image of the mesh fits better."""
         import numpy as np
@@ -242,7 +240,7 @@ class Align(RunsModel, TakesMesh, ReadsPhotos):
         capture: "Capture",
         faces: "MeshFaces",
         fits: "list[Fit]",
-        pairs: "tuple[Floats, Floats] | None",
+        pairs: "tuple[Doubles, Doubles] | None",
         by_points: "PointFit | None",
         turned_over: bool,
         progress: Progress,
@@ -304,9 +302,9 @@ class Align(RunsModel, TakesMesh, ReadsPhotos):
         capture: "Capture",
         faces: "MeshFaces",
         fits: "list[Fit]",
-        pairs: "tuple[Floats, Floats] | None",
+        pairs: "tuple[Doubles, Doubles] | None",
         left_out: tuple[int, ...],
-    ) -> "NDArray[np.float32]":
+    ) -> "Singles":
         import numpy as np
 
         from mpsnet_core.estimate.alignment.overlay import overlay
@@ -332,7 +330,7 @@ class Align(RunsModel, TakesMesh, ReadsPhotos):
         return [output.with_name(f"{output.stem}_{number}{output.suffix}") for number in range(2, CANDIDATES + 1)]
 
 
-def _check_size(mask: "NDArray[np.bool_]") -> None:
+def _check_size(mask: "Bools") -> None:
     """Raise GeometryError if the object is too small on the coarsest scale."""
     from mpsnet_core.arrays.mask_regions import bounding_box
     from mpsnet_core.estimate.alignment.refine import SCALES
@@ -344,7 +342,7 @@ def _check_size(mask: "NDArray[np.bool_]") -> None:
         )
 
 
-def _is_poor(fit: "Fit", mask: "NDArray[np.bool_]") -> bool:
+def _is_poor(fit: "Fit", mask: "Bools") -> bool:
     from mpsnet_core.arrays.mask_regions import bounding_box
 
     longer = max(side.stop - side.start for side in bounding_box(mask))
@@ -361,7 +359,7 @@ def fit_in_words(outline_pixels: float, normals_degrees: float, overlap: float, 
     return f"{verdict} fit: outlines {outline_pixels:.1f} pixels{normals} apart, {overlap:.0%} shared"
 
 
-def _quality(fit: "Fit", mask: "NDArray[np.bool_]") -> str:
+def _quality(fit: "Fit", mask: "Bools") -> str:
     return fit_in_words(fit.outline, fit.degrees, fit.overlap, _is_poor(fit, mask))
 
 
@@ -381,7 +379,7 @@ class _ObjectCrop:
     """Height of the photo."""
 
     @classmethod
-    def of(cls, mask: "NDArray[np.bool_]") -> "_ObjectCrop":
+    def of(cls, mask: "Bools") -> "_ObjectCrop":
         from mpsnet_core.arrays.mask_regions import bounding_box
         from mpsnet_core.estimate.alignment.refine import MARGIN
 
@@ -450,7 +448,7 @@ def _of_size(camera: "Camera", width: int, height: int, what: Literal["start", "
     return replace(camera, width=width, height=height, focal=np.full(2, camera.focal.mean() * scale), centre=centre)
 
 
-def _contradicts(camera: "Camera", by_points: "PointFit", pixels: "Floats", points: "Floats") -> bool:
+def _contradicts(camera: "Camera", by_points: "PointFit", pixels: "Doubles", points: "Doubles") -> bool:
     """Whether a refined camera's reprojection error of the pairs is larger than errors of clicking explain."""
     import numpy as np
 

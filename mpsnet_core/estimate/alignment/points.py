@@ -5,10 +5,10 @@ import os
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mpsnet_core.arrays.types import Bools, Floats, StrPath
 from mpsnet_core.errors import FormatError, GeometryError
-from mpsnet_core.estimate.alignment.pose import PARAMETERS, Floats, Poses, flow, spread_rotations
+from mpsnet_core.estimate.alignment.pose import PARAMETERS, Poses, flow, spread_rotations
 from mpsnet_core.io.files import check_small, existing_file
 from mpsnet_core.scene.camera import Camera
 
@@ -101,13 +101,7 @@ def reprojection_errors(camera: Camera, pixels: Floats, points: Floats) -> Float
 
 
 def _fits(
-    pixels: Floats,
-    points: Floats,
-    used: NDArray[np.bool_],
-    width: int,
-    height: int,
-    lens: Camera | None,
-    usual_focal: float,
+    pixels: Floats, points: Floats, used: Bools, width: int, height: int, lens: Camera | None, usual_focal: float
 ) -> tuple[Poses, Floats, Floats]:
     """Best poses for S subsets (S, N) of the pairs, residuals (S, N), and their root mean square (S,) in the subset."""
     longer = max(width, height)
@@ -138,7 +132,7 @@ def _fits(
     return world, off[best], error[best]
 
 
-def _starts(pixels: Floats, points: Floats, used: NDArray[np.bool_], centre: Floats, focals: Floats) -> Poses:
+def _starts(pixels: Floats, points: Floats, used: Bools, centre: Floats, focals: Floats) -> Poses:
     """Initial poses by scaled orthography, for each subset of pairs, each focal length and each of many rotations."""
     turns = spread_rotations(STARTS)
     rotation = np.tile(turns, (len(used) * len(focals), 1, 1))
@@ -195,8 +189,7 @@ def _solved(
 
 def _shortened(vectors: Floats, longest: float) -> Floats:
     length = np.linalg.norm(vectors, axis=1, keepdims=True)
-    shorter: Floats = vectors * np.minimum(1, longest / np.maximum(length, 1e-12))
-    return shorter
+    return vectors * np.minimum(1, longest / np.maximum(length, 1e-12))
 
 
 def _residual(
@@ -222,7 +215,7 @@ FARTHEST = 1e9
 _EXAMPLE = '{"pairs": [{"pixel": [x, y], "point": [X, Y, Z]}, ...]}'
 
 
-def read_pairs(path: str | os.PathLike[str]) -> tuple[Floats, Floats]:
+def read_pairs(path: StrPath) -> tuple[Floats, Floats]:
     """Read a JSON file ``{"pairs": [{"pixel": [x, y], "point": [X, Y, Z]}, ...]}``.
 
     Returns

@@ -3,14 +3,12 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mpsnet_core.arrays.rotations import cross_matrix, quaternion_matrix, rotation_matrices
+from mpsnet_core.arrays.types import Bools, Doubles, Indices, Singles
 from mpsnet_core.scene.camera import Camera
 from mpsnet_core.scene.mesh import Mesh, triangle_normals
 from mpsnet_core.scene.rays import RayScene
-
-Floats = NDArray[np.float64]
 
 # Rotation vector, translation, logarithm of the focal length.
 PARAMETERS = 7
@@ -20,13 +18,13 @@ PARAMETERS = 7
 class Poses:
     """K pinhole cameras with square pixels and the same principal point."""
 
-    rotation: Floats
+    rotation: Doubles
     """(K, 3, 3). Rotations from world to camera space: x right, y up, z towards the viewer."""
-    translation: Floats
+    translation: Doubles
     """(K, 3). Translations from world to camera space."""
-    focal: Floats
+    focal: Doubles
     """(K,). Focal lengths in pixels."""
-    centre: Floats
+    centre: Doubles
     """(2,). Principal point, in pixels from the top left corner."""
 
     @classmethod
@@ -35,7 +33,7 @@ class Poses:
         world = np.linalg.inv(camera.world_from_camera).astype(np.float64, copy=False)
         return cls(world[None, :3, :3], world[None, :3, 3], camera.focal[:1].copy(), camera.centre)
 
-    def subset(self, which: NDArray[np.intp]) -> "Poses":
+    def subset(self, which: Indices) -> "Poses":
         return Poses(self.rotation[which], self.translation[which], self.focal[which], self.centre)
 
     def camera(self, width: int, height: int, which: int = 0) -> Camera:
@@ -46,7 +44,7 @@ class Poses:
         pose[:3, 3] = -pose[:3, :3] @ self.translation[which]
         return Camera("perspective", width, height, np.full(2, self.focal[which]), self.centre, pose)
 
-    def moved(self, step: Floats) -> "Poses":
+    def moved(self, step: Doubles) -> "Poses":
         """The poses after steps (K, 7) of the parameters."""
         turn = rotation_matrices(step[:, :3])
         return Poses(
@@ -56,21 +54,21 @@ class Poses:
             self.centre,
         )
 
-    def in_camera(self, points: Floats) -> Floats:
+    def in_camera(self, points: Doubles) -> Doubles:
         """(K, N, 3) world points (N, 3) in camera space."""
         return points @ self.rotation.transpose(0, 2, 1) + self.translation[:, None]
 
-    def projected(self, seen: Floats) -> Floats:
+    def projected(self, seen: Doubles) -> Doubles:
         """(K, N, 2) pixels of points (K, N, 3) in camera space."""
         return self.centre + self.focal[:, None, None] * seen[..., :2] * (1, -1) / depth(seen)[..., None]
 
 
-def depth(seen: Floats) -> Floats:
+def depth(seen: Doubles) -> Doubles:
     """Depth of points (..., 3) in camera space in front of the camera, clamped to a small positive value."""
     return np.maximum(-seen[..., 2], 1e-9)
 
 
-def flow(seen: Floats, focal: Floats) -> Floats:
+def flow(seen: Doubles, focal: Doubles) -> Doubles:
     """(..., 2, 7) derivatives of the pixels of points (..., 3) in camera space by the parameters. focal: (...)."""
     x, y, z = seen[..., 0], seen[..., 1], depth(seen)
     by_point = np.zeros((*seen.shape[:-1], 2, 3))
@@ -85,15 +83,14 @@ def flow(seen: Floats, focal: Floats) -> Floats:
     return result
 
 
-def spread_rotations(count: int) -> Floats:
+def spread_rotations(count: int) -> Doubles:
     """(count, 3, 3) rotations that cover SO(3) evenly (Alexa, "Super-Fibonacci Spirals", CVPR 2022)."""
     number = np.arange(count) + 0.5
     share = number / count
     alpha, beta = 2 * np.pi * number / np.sqrt(2.0), 2 * np.pi * number / 1.533751168755204288118041
     w, x = np.sqrt(share) * np.sin(alpha), np.sqrt(share) * np.cos(alpha)
     y, z = np.sqrt(1 - share) * np.sin(beta), np.sqrt(1 - share) * np.cos(beta)
-    found: Floats = np.array(quaternion_matrix(w, x, y, z)).transpose(2, 0, 1)
-    return found
+    return np.array(quaternion_matrix(w, x, y, z)).transpose(2, 0, 1)
 
 
 # --- A mesh prepared for alignment: face normals and ray casting ------------------------------------------------------
@@ -105,9 +102,9 @@ class MeshFaces:
 
     scene: RayScene
     """The mesh for ray casting, in world space."""
-    normals: NDArray[np.float64]
+    normals: Doubles
     """(T, 3). Unit normals of the triangles in world space; zero for triangles without area."""
-    axes: NDArray[np.float64]
+    axes: Doubles
     """(3, 3). Principal axes of the surface as rows, unit vectors in world space."""
 
     @classmethod
@@ -120,7 +117,7 @@ class MeshFaces:
         _, axes = np.linalg.eigh((length * offset).T @ offset)
         return cls(RayScene.of(mesh), across / np.where(length > 0, length, 1), axes.T)
 
-    def seen(self, camera: Camera, x: Floats, y: Floats) -> "SeenFaces":
+    def seen(self, camera: Camera, x: Doubles, y: Doubles) -> "SeenFaces":
         """What a camera sees at the pixels of columns x (w,) and rows y (h,)."""
         pixels = np.stack(np.broadcast_arrays(x, y[:, None]), axis=-1).reshape(-1, 2)
         origins, directions = camera.rays(pixels)
@@ -139,9 +136,9 @@ class MeshFaces:
 class SeenFaces:
     """A mesh as a camera sees it."""
 
-    mask: NDArray[np.bool_]
+    mask: Bools
     """(h, w). Whether a pixel shows the mesh."""
-    normals: NDArray[np.float32]
+    normals: Singles
     """(h, w, 3). Unit normals in camera space, facing the camera; zero outside the mask."""
-    points: Floats
+    points: Doubles
     """(h, w, 3). Positions in camera space, in units of the mesh's size; zero outside the mask."""

@@ -1,23 +1,22 @@
 """Refine a rough camera: fit a mesh's outline and normals to a photo's."""
 
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mpsnet_core.arrays.block_means import block_means
 from mpsnet_core.arrays.gaussian import gaussian
 from mpsnet_core.arrays.mask_regions import bounding_box, eroded
 from mpsnet_core.arrays.robust_statistics import deviation
 from mpsnet_core.arrays.rotations import cross_matrix
-from mpsnet_core.estimate.alignment.pose import PARAMETERS, Floats, MeshFaces, Poses, SeenFaces, flow
+from mpsnet_core.arrays.types import Bools, Floats, Indices
+from mpsnet_core.estimate.alignment.pose import PARAMETERS, MeshFaces, Poses, SeenFaces, flow
 from mpsnet_core.progress import Progress, silent
 from mpsnet_core.scene.camera import Camera
 from mpsnet_core.scene.normal_map import NormalMap
 from mpsnet_core.scene.rays import RayScene
 
-Pixels = NDArray[np.floating[Any]]
+Pixels = Floats
 
 # The object's longer side in pixels on each scale, and the maximum number of steps there.
 SCALES = ((64, 10), (128, 6), (256, 10), (512, 8))
@@ -68,9 +67,9 @@ class _Scale:
     """(h, w, 3). The photo's normals."""
     detail: Pixels
     """(h, w, 3). The normals minus their Gaussian mean."""
-    inside: NDArray[np.bool_]
+    inside: Bools
     """(h, w). The mask."""
-    eroded_mask: NDArray[np.bool_]
+    eroded_mask: Bools
     """(h, w). The mask, eroded."""
     outline: Floats
     """(N, 2). Points of the mask's outline."""
@@ -300,15 +299,14 @@ def _normal_terms(scale: _Scale, image: SeenFaces, focal: float) -> list[tuple[F
 def _robust(residual: Floats) -> Floats:
     """Cauchy weights, with the scale of the residuals' deviation, at least 1."""
     spread = deviation(residual, 1.0)
-    weights: Floats = 1 / (1 + (residual / (2 * spread)) ** 2)
-    return weights
+    return 1 / (1 + (residual / (2 * spread)) ** 2)
 
 
-def _detail(smooth: Pixels, inside: NDArray[np.bool_]) -> Pixels:
+def _detail(smooth: Pixels, inside: Bools) -> Pixels:
     return np.where(inside[..., None], smooth - _smooth(smooth, inside, WIDE), 0)
 
 
-def _smooth(values: Pixels, inside: NDArray[np.bool_], sigma: float) -> Pixels:
+def _smooth(values: Pixels, inside: Bools, sigma: float) -> Pixels:
     """Gaussian mean of values (h, w, C) over the pixels inside; zero outside."""
     weight = gaussian(inside[..., None].astype(values.dtype), sigma, (0, 1))
     means = gaussian(np.where(inside[..., None], values, 0), sigma, (0, 1)) / np.maximum(weight, 1e-6)
@@ -340,8 +338,7 @@ def _outline(shares: Pixels) -> tuple[Floats, Floats]:
     return point, normal
 
 
-def _nearest(points: Floats, others: Floats) -> NDArray[np.intp]:
+def _nearest(points: Floats, others: Floats) -> Indices:
     """(N,) index of the nearest of `others` (M, 2) to each of `points` (N, 2)."""
     squared = (others**2).sum(axis=1) - 2 * points @ others.T
-    nearest: NDArray[np.intp] = squared.argmin(axis=1)
-    return nearest
+    return squared.argmin(axis=1)

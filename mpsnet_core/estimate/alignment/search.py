@@ -3,9 +3,9 @@
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
-from mpsnet_core.estimate.alignment.pose import Floats, MeshFaces, Poses
+from mpsnet_core.arrays.types import Bools, Floats, Singles
+from mpsnet_core.estimate.alignment.pose import MeshFaces, Poses
 from mpsnet_core.estimate.alignment.refine import SCALES, Fit, PhotoPyramid, measure_fit, refine_camera
 from mpsnet_core.progress import Progress, part, silent
 from mpsnet_core.scene.camera import Camera
@@ -112,7 +112,7 @@ class _ObjectExtent:
     """Root of its second moment, in pixels."""
 
     @classmethod
-    def of(cls, mask: NDArray[np.bool_]) -> "_ObjectExtent":
+    def of(cls, mask: Bools) -> "_ObjectExtent":
         rows, columns = np.nonzero(mask)
         middle = np.array([columns.mean() + 0.5, rows.mean() + 0.5])
         moments = (columns + 0.5 - middle[0]) ** 2 + (rows + 0.5 - middle[1]) ** 2
@@ -163,13 +163,7 @@ def _small(faces: MeshFaces, frame: _ObjectExtent, focal: float) -> tuple[float,
 
 
 def _place_camera(
-    photo: NDArray[np.bool_],
-    faces: MeshFaces,
-    rotation: Floats,
-    focal: float,
-    centre: Floats,
-    view: _ObjectExtent,
-    angle: float,
+    photo: Bools, faces: MeshFaces, rotation: Floats, focal: float, centre: Floats, view: _ObjectExtent, angle: float
 ) -> Camera:
     """The camera that sees the mesh in the mask's place and size. view: of its small image, rolled by `angle`."""
     (height, width), frame = photo.shape, _ObjectExtent.of(photo)
@@ -189,8 +183,7 @@ def _similarity(photo: Floats, view: Floats) -> Floats:
     both = np.minimum(photo[..., 3], view[..., 3]).sum(axis=(1, 2))
     either = np.maximum(photo[..., 3], view[..., 3]).sum(axis=(1, 2))
     cosines = (photo[..., :3] * view[..., :3]).sum(axis=(1, 2, 3))
-    likeness: Floats = both / np.maximum(either, 1e-9) + cosines / np.maximum(both, 1e-9)
-    return likeness
+    return both / np.maximum(either, 1e-9) + cosines / np.maximum(both, 1e-9)
 
 
 def _angle_between(rotation: Floats, other: Floats) -> float:
@@ -223,9 +216,7 @@ def _view_directions(count: int) -> Floats:
     return np.stack([right, np.cross(axis, right), axis], axis=1)
 
 
-def _picture(
-    faces: MeshFaces, rotation: Floats, focal: float, distance: float
-) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
+def _picture(faces: MeshFaces, rotation: Floats, focal: float, distance: float) -> tuple[Singles, Bools]:
     """Normals and mask of the mesh in a centred image of 2 SIDE x 2 SIDE pixels."""
     translation = np.array([0, 0, -distance]) - rotation @ faces.scene.middle
     side = 2 * SIDE
@@ -235,9 +226,7 @@ def _picture(
     return seen.normals.astype(np.float32), seen.mask
 
 
-def _standardised_picture(
-    normals: NDArray[np.float32], mask: NDArray[np.bool_], frame: _ObjectExtent, roll: float
-) -> Floats:
+def _standardised_picture(normals: Singles, mask: Bools, frame: _ObjectExtent, roll: float) -> Floats:
     """(SIDE, SIDE, 4) normals and mask, normalised in size and position, and rolled by `roll`."""
     steps = (np.arange(SIDE) + 0.5) / SIDE * 2 - 1
     place = np.stack(np.broadcast_arrays(steps, steps[:, None]), axis=-1) * (SPREAD / 2 * frame.spread)

@@ -5,16 +5,16 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from onnxruntime import InferenceSession
 
 from mpsnet_core.arrays.bilinear import bilinear
 from mpsnet_core.arrays.block_means import block_means
 from mpsnet_core.arrays.mask_regions import bounding_box
 from mpsnet_core.arrays.orientation import WHOLE, outline_of
+from mpsnet_core.arrays.types import Bools, Doubles, Floats, Singles
 from mpsnet_core.arrays.unit_vectors import dot, normalised
 from mpsnet_core.capture.capture import finite_inside
 from mpsnet_core.capture.decode import PhotoReadOptions
@@ -38,7 +38,7 @@ MIRRORED = np.tile([1.0, -1.0], 6)
 ANGLES = np.repeat(np.arange(6) * np.pi / 3, 2)
 
 
-def crops(pixels: NDArray[np.floating[Any]], mask: NDArray[np.bool_]) -> NDArray[np.float32]:
+def crops(pixels: Floats, mask: Bools) -> Singles:
     """(V, SIDE, SIDE, 4) the object in each view: linear channels divided by their means, and the mask, 0 to 1.
 
     pixels: (H, W, 3). mask: (H, W), not empty.
@@ -58,7 +58,7 @@ def crops(pixels: NDArray[np.floating[Any]], mask: NDArray[np.bool_]) -> NDArray
     return np.asarray(seen, np.float32)
 
 
-def into_views(vectors: NDArray[np.floating[Any]]) -> NDArray[np.floating[Any]]:
+def into_views(vectors: Floats) -> Floats:
     """Vectors (V, N, 3) in camera space, as each view shows them."""
     x, y, z = np.moveaxis(vectors, -1, 0)
     x = MIRRORED[:, None] * x
@@ -66,14 +66,14 @@ def into_views(vectors: NDArray[np.floating[Any]]) -> NDArray[np.floating[Any]]:
     return np.stack([cosine * x - sine * y, sine * x + cosine * y, z], axis=-1)
 
 
-def out_of_views(vectors: NDArray[np.floating[Any]]) -> NDArray[np.floating[Any]]:
+def out_of_views(vectors: Floats) -> Floats:
     """The inverse of :func:`into_views`."""
     x, y, z = np.moveaxis(vectors, -1, 0)
     cosine, sine = np.cos(ANGLES)[:, None], np.sin(ANGLES)[:, None]
     return np.stack([MIRRORED[:, None] * (cosine * x + sine * y), cosine * y - sine * x, z], axis=-1)
 
 
-def _reduced(pixels: NDArray[np.floating[Any]], mask: NDArray[np.bool_]) -> NDArray[np.float32]:
+def _reduced(pixels: Floats, mask: Bools) -> Singles:
     """(h, w, 4) the object's bounding box in blocks: channels divided by their means, and whether it covers a block."""
     box = bounding_box(mask)
     inside = mask[box][..., None]
@@ -98,13 +98,13 @@ ERROR_SCALE = 2.25
 class LightsGuess(NamedTuple):
     """Lights as far as a photo tells."""
 
-    directions: NDArray[np.float64]
+    directions: Doubles
     """(3, 3) unit vectors in camera space, one light per row, in the order of the photo's channels."""
-    errors: NDArray[np.float64]
+    errors: Doubles
     """(3,) expected angular errors in radians."""
 
 
-def guess_lights(pixels: NDArray[np.floating[Any]], mask: NDArray[np.bool_]) -> LightsGuess:
+def guess_lights(pixels: Floats, mask: Bools) -> LightsGuess:
     """The lights of a photo (H, W, 3) of an object with its mask (H, W): the mean of what each view tells.
 
     Crosstalk is part of the directions: those that explain each channel best.
@@ -146,7 +146,7 @@ WIDTHS, STEPS, SETTLED = 3, 20, 1e-3  # rounds of new widths, steps in each, and
 UNDAMPED = 1e-2
 
 
-def refine(photos: Sequence[tuple[NDArray[np.floating[Any]], NDArray[np.bool_]]], guess: LightsGuess) -> LightsGuess:
+def refine(photos: Sequence[tuple[Floats, Bools]], guess: LightsGuess) -> LightsGuess:
     """The lights of photos (H, W, 3) under the same three lights, of objects with masks (H, W), near a guess.
 
     Photos of which too little is lit by all lights are left out.
@@ -166,19 +166,19 @@ def refine(photos: Sequence[tuple[NDArray[np.floating[Any]], NDArray[np.bool_]]]
 class _Observed(NamedTuple):
     """What a photo shows, in blocks that all lights reach."""
 
-    lit: NDArray[np.float64]
+    lit: Doubles
     """(P, 3) colours."""
-    across: NDArray[np.float64]
+    across: Doubles
     """(Q, 3) cross products of colours, where the neighbours are lit, too, with their derivatives to the right."""
-    up: NDArray[np.float64]
+    up: Doubles
     """(Q, 3) those with their derivatives upwards."""
-    rim: NDArray[np.float64]
+    rim: Doubles
     """(R, 3) colours at the outline."""
-    outwards: NDArray[np.float64]
+    outwards: Doubles
     """(R, 2) unit vectors across the outline."""
 
 
-def _observed(pixels: NDArray[np.floating[Any]], mask: NDArray[np.bool_]) -> _Observed:
+def _observed(pixels: Floats, mask: Bools) -> _Observed:
     box = bounding_box(mask)
     border = [(part.start == 0, part.stop >= size) for part, size in zip(box, mask.shape, strict=True)]
     inside = mask[box][..., None]
@@ -212,11 +212,11 @@ class _Fit:
         self.damping = 1e-3
         self.matrix = np.eye(len(self.values))
 
-    def directions(self, angles: NDArray[np.float64]) -> NDArray[np.float64]:
+    def directions(self, angles: Doubles) -> Doubles:
         """(3, 3) unit vectors by six angles."""
         return normalised(self.guess.directions + np.einsum("ka,kai->ki", angles.reshape(3, 2), self.tangents))
 
-    def measures(self, number: int, values: NDArray[np.float64]) -> list[NDArray[np.float64]]:
+    def measures(self, number: int, values: Doubles) -> list[Doubles]:
         """Curl, deviation of the albedo, of the outline and of facing the camera, of a photo by its own (8,) values."""
         seen, strengths = self.seen[number], np.exp([values[6], values[7], -values[6] - values[7]])
         inverse = np.linalg.inv(self.directions(values[:6]) * strengths[:, None])
@@ -241,12 +241,12 @@ class _Fit:
             spread = [1.4826 * np.median(np.abs(one)) if len(one) else 0 for one in measures]
             self.widths[number] = np.append(np.maximum(spread, least), LEAST_FACING)
 
-    def own(self, number: int, values: NDArray[np.float64] | None = None) -> NDArray[np.float64]:
+    def own(self, number: int, values: Doubles | None = None) -> Doubles:
         """(8,) the values of one photo."""
         values = self.values if values is None else values
         return np.concatenate([values[:6], values[6 + 2 * number : 8 + 2 * number]])
 
-    def residuals(self, number: int, values: NDArray[np.float64]) -> NDArray[np.float64]:
+    def residuals(self, number: int, values: Doubles) -> Doubles:
         """Of a photo: the sum of their squares is the negative logarithm of the probability, doubled."""
         found = []
         for one, width, count in zip(
@@ -256,11 +256,11 @@ class _Fit:
             found.append(np.sign(one) * np.sqrt(weight * np.log1p((one / width) ** 2)))
         return np.concatenate([*found, np.array([*values[6:], values[6:].sum()]) / STRENGTHS])
 
-    def prior(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
+    def prior(self, values: Doubles) -> Doubles:
         """(6,) deviations of the angles from the guess."""
         return (values[:6].reshape(3, 2) / self.guess.errors[:, None]).ravel()
 
-    def cost(self, values: NDArray[np.float64]) -> float:
+    def cost(self, values: Doubles) -> float:
         photos = sum(float(np.sum(self.residuals(k, self.own(k, values)) ** 2)) for k in range(len(self.seen)))
         return float(np.sum(self.prior(values) ** 2)) + photos
 
@@ -332,7 +332,7 @@ class FoundLights:
 
     rig: LightRig
     """The lights, in camera space. Crosstalk is part of their directions, so there is no mixing."""
-    errors: NDArray[np.float64]
+    errors: Doubles
     """(3,) expected angular errors in degrees."""
 
     def __str__(self) -> str:
@@ -348,7 +348,7 @@ class FoundLights:
         return found
 
 
-def find_lights(photos: Sequence[tuple[NDArray[np.floating[Any]], NDArray[np.bool_]]]) -> FoundLights:
+def find_lights(photos: Sequence[tuple[Floats, Bools]]) -> FoundLights:
     """The lights of photos under the same three lights, without a rig.
 
     Parameters
@@ -420,7 +420,7 @@ def _read_once(source: Source) -> Source:
 
 def _opened(
     sources: Sequence[Source], options: PhotoReadOptions
-) -> tuple[list[tuple[NDArray[np.floating[Any]], NDArray[np.bool_]]], PhotoReadOptions]:
+) -> tuple[list[tuple[Floats, Bools]], PhotoReadOptions]:
     """Pixels and masks of the photos that can be read, and the options by which the set was read."""
     photos, found, failure = PhotoSet(sources, options), [], None
     for source in sources:

@@ -9,12 +9,12 @@ from contextlib import closing, nullcontext
 from contextvars import Context, copy_context
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mpsnet_core.arrays.mask_regions import box_sums
+from mpsnet_core.arrays.types import Bools, Floats, Singles
 from mpsnet_core.batch import Batch
 from mpsnet_core.capture.capture import Capture
 from mpsnet_core.defaults import MAX_SMOOTHING
@@ -58,7 +58,7 @@ class EstimatedFrame:
 
     number: int
     """Frame number."""
-    photo: NDArray[np.floating[Any]]
+    photo: Floats
     """(H, W, 3). Linear photo."""
     normals: NormalMap
     """Its estimated normals."""
@@ -80,7 +80,7 @@ def smoothed(frames: Iterable[EstimatedFrame], reach: int, step: int = 1) -> Ite
     span = reach * step
     recent: deque[EstimatedFrame] = deque()
     waiting: deque[EstimatedFrame] = deque()
-    similarities: dict[tuple[int, int], NDArray[np.float32]] = {}
+    similarities: dict[tuple[int, int], Singles] = {}
     for frame in frames:
         while waiting and waiting[0].number + span < frame.number:
             yield from _answer(waiting.popleft(), recent, similarities, span)
@@ -99,10 +99,7 @@ def smoothed(frames: Iterable[EstimatedFrame], reach: int, step: int = 1) -> Ite
 
 
 def _answer(
-    frame: EstimatedFrame,
-    recent: Iterable[EstimatedFrame],
-    similarities: dict[tuple[int, int], NDArray[np.float32]],
-    span: int,
+    frame: EstimatedFrame, recent: Iterable[EstimatedFrame], similarities: dict[tuple[int, int], Singles], span: int
 ) -> Iterator[tuple[int, NormalMap]]:
     if not frame.wanted:
         return
@@ -119,7 +116,7 @@ def _answer(
     yield frame.number, NormalMap(total, frame.normals.mask, frame.normals.confidence)
 
 
-def _similarity(a: EstimatedFrame, b: EstimatedFrame) -> NDArray[np.float32]:
+def _similarity(a: EstimatedFrame, b: EstimatedFrame) -> Singles:
     """(H, W) weights, 0 to 1, of how certainly two photos are equal around a pixel, up to noise; 0 outside a mask."""
     if a.photo.shape != b.photo.shape:
         sizes = " and ".join(f"{frame.photo.shape[1]} x {frame.photo.shape[0]}" for frame in (a, b))
@@ -135,9 +132,7 @@ def _similarity(a: EstimatedFrame, b: EstimatedFrame) -> NDArray[np.float32]:
     return np.where(both, np.exp(-np.maximum(mean_square - SURE, 0)), 0).astype(np.float32)
 
 
-def _noise(
-    difference: NDArray[np.float32], brightness: NDArray[np.float32], inside: NDArray[np.bool_]
-) -> NDArray[np.float32]:
+def _noise(difference: Singles, brightness: Singles, inside: Bools) -> Singles:
     """(H, W) standard deviation of the noise in a difference of photos, as a function of brightness.
 
     Immerkær's kernel removes constants and gradients from the difference. The remainder is noise, except along moving

@@ -1,11 +1,11 @@
 """Sources of frames: numbered photos and their masks."""
 
-import os
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
+from mpsnet_core.arrays.types import StrPath
 from mpsnet_core.capture.masks import mask_identity, mask_source
 from mpsnet_core.capture.open import Source
 from mpsnet_core.defaults import MASK
@@ -23,7 +23,7 @@ class Masks:
     by_number: Mapping[int, Path] = field(default_factory=dict)
     """Mask file of each frame, by frame number; empty if one mask is for all."""
 
-    def of(self, number: int) -> str | os.PathLike[str]:
+    def of(self, number: int) -> StrPath:
         """The mask of a frame. Raises FileError if masks are per frame and this one is missing."""
         if not self.by_number:
             return self.given

@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from mpsnet_core.arrays.types import StrPath
 from mpsnet_core.capture.open import Source
 from mpsnet_core.defaults import ENCODINGS
 from mpsnet_core.errors import FileError, FormatError, InputError, check_choice
@@ -119,7 +120,7 @@ class Video:
     """The program that decodes it; None for PyAV."""
 
 
-def read_video_header(path: str | os.PathLike[str], *, encoding: Encoding = "auto") -> Video:
+def read_video_header(path: StrPath, *, encoding: Encoding = "auto") -> Video:
     """Read a video's header, and report the transfer curve that is assumed for its values.
 
     Raises FileError if the file is missing or PyAV is not installed, FormatError if the file is damaged or too large,
@@ -159,7 +160,7 @@ def read_video_header(path: str | os.PathLike[str], *, encoding: Encoding = "aut
         return Video(path, codec.width, codec.height, rate, stream.frames or round(seconds * rate))
 
 
-def video_outputs(video: Path, folder: str | os.PathLike[str], kind: str | None) -> Callable[[int], Path]:
+def video_outputs(video: Path, folder: StrPath, kind: str | None) -> Callable[[int], Path]:
     """Files for the normals of a video's frames, by number from 1: NAME_000001_normals in `folder`.
 
     kind: file type such as "png", the default. Raises InputError if `folder` is unusable.

@@ -17,15 +17,15 @@ by the errors of both; the result is the mean over all hypotheses.
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import partial
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mpsnet_core.arrays.block_means import means_inside
 from mpsnet_core.arrays.mask_regions import bounding_box, box_sums
 from mpsnet_core.arrays.row_bands import bands, on_all_cores
 from mpsnet_core.arrays.sampling import sampled_rows
+from mpsnet_core.arrays.types import Bools, Doubles, Floats
 from mpsnet_core.arrays.unit_vectors import dot, normalised
 from mpsnet_core.arrays.upsample import upsampled
 from mpsnet_core.capture.capture import Capture
@@ -40,8 +40,6 @@ from mpsnet_core.scene.normal_map import NormalMap
 # 1994). A robust fit finds the colour, and the lengths prove it: pixels with other colours, gloss or shadows lie on the
 # ellipsoid only by chance.
 
-
-Floats = NDArray[np.floating[Any]]
 
 MIN_PIXELS = 200
 # Below this cosine, a light shows little of the colour.
@@ -68,7 +66,7 @@ MIN_SHARE = 0.1
 class UniformAlbedo:
     """The colour of a uniform surface."""
 
-    gains: NDArray[np.float64]
+    gains: Doubles
     """(3,) float64. Gains times unmixed light is each light's cosine on the surface."""
     spread: float
     """Relative standard deviation of the lengths of inliers."""
@@ -86,7 +84,7 @@ class UniformAlbedo:
 
 
 def find_uniform_albedo(
-    light: Floats, lights: NDArray[np.float64], normals: Floats, expected_error: Floats
+    light: Floats, lights: Doubles, normals: Floats, expected_error: Floats
 ) -> UniformAlbedo | None:
     """The colour of a matt surface of one albedo, or None if the pixels do not prove that it is one.
 
@@ -145,8 +143,8 @@ def find_uniform_albedo(
 
 
 def _weighed(
-    parts: Floats, gains: NDArray[np.float64], normals: Floats, nearby: Floats, spread: float
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    parts: Floats, gains: Doubles, normals: Floats, nearby: Floats, spread: float
+) -> tuple[Doubles, Doubles, Doubles]:
     """Length (N,) and direction (N, 3) of equation 2's vectors, and the pixels' weights (N,)."""
     vectors = np.einsum("k,nki->ni", gains, parts)
     length = np.linalg.norm(vectors, axis=-1)
@@ -155,7 +153,7 @@ def _weighed(
     return length, vectors, np.exp(-0.5 * (((length - 1) / spread) ** 2 + off**2))
 
 
-def _peak(length: NDArray[np.float64], within: float) -> tuple[float, float]:
+def _peak(length: Doubles, within: float) -> tuple[float, float]:
     """Mode of the lengths near one, and their standard deviation if they were normally distributed.
 
     Uses the shortest interval that holds half of them: interreflections only add to lengths, and would bias a mean.
@@ -169,11 +167,11 @@ def _peak(length: NDArray[np.float64], within: float) -> tuple[float, float]:
     return float(close[first] + close[first + half]) / 2, float(widths[first]) / (2 * 0.6745)
 
 
-def _density(length: NDArray[np.float64], low: float, high: float) -> float:
+def _density(length: Doubles, low: float, high: float) -> float:
     return float(((length > low) & (length < high)).mean() / (high - low))
 
 
-def _directions(vectors: NDArray[np.float64], weights: NDArray[np.float64]) -> float:
+def _directions(vectors: Doubles, weights: Doubles) -> float:
     """Effective number of directions: the perplexity of their histogram over x and y."""
     sure = weights > 0.3
     cells = np.floor(vectors[sure, :2] / DIRECTION_STEP).astype(np.int64)
@@ -266,14 +264,14 @@ class _Pixels(NamedTuple):
 
     light: Floats
     """(..., 3). Unmixed image."""
-    lights: NDArray[np.float64]
+    lights: Doubles
     """(..., 3, 3), or (3, 3) for all. Light directions times brightness, one light per row."""
     normals: Floats
     """(..., 3). The network's normals."""
     error: Floats
     """(...). Their expected error, in radians."""
 
-    def at(self, chosen: NDArray[np.bool_], columns: slice = slice(None)) -> "_Pixels":
+    def at(self, chosen: Bools, columns: slice = slice(None)) -> "_Pixels":
         """The chosen pixels of some columns of an image."""
         lights = self.lights[:, columns][chosen] if self.lights.ndim > 2 else self.lights
         return _Pixels(
@@ -355,9 +353,8 @@ def _sample(capture: Capture, estimate: NormalMap, count: int = SAMPLED) -> _Pix
     return _Pixels(*(np.concatenate(values) for values in zip(*parts, strict=True)))
 
 
-def _valid(capture: Capture, rows: slice) -> NDArray[np.bool_]:
-    valid: NDArray[np.bool_] = capture.mask[rows] & ~capture.saturated_in(rows).any(axis=-1)
-    return valid
+def _valid(capture: Capture, rows: slice) -> Bools:
+    return capture.mask[rows] & ~capture.saturated_in(rows).any(axis=-1)
 
 
 def _picture(capture: Capture, estimate: NormalMap, rows: slice) -> _Pixels:
@@ -401,7 +398,7 @@ def _grown(part: slice, around: int, length: int) -> slice:
 
 def _refine_tile(
     picture: _Pixels,
-    valid: NDArray[np.bool_],
+    valid: Bools,
     rows: slice,
     albedo: UniformAlbedo,
     around: int,
@@ -422,7 +419,7 @@ def _refine_tile(
     vectors[inside], confidence[inside] = found[inside, :3], found[inside, 3]
 
 
-def _combined(pixels: _Pixels, place: NDArray[np.bool_], albedo: UniformAlbedo, around: int) -> tuple[Floats, Floats]:
+def _combined(pixels: _Pixels, place: Bools, albedo: UniformAlbedo, around: int) -> tuple[Floats, Floats]:
     """Mean over all hypotheses: normals (N, 3) and their expected error (N,). place: (H, W) mask of the pixels."""
     found = list(_hypotheses(pixels, albedo))
     rest = 1 - min(albedo.share, 0.9)
@@ -446,7 +443,7 @@ def _combined(pixels: _Pixels, place: NDArray[np.bool_], albedo: UniformAlbedo, 
     return normalised(total), expected
 
 
-def _means_around(probability: Floats, place: NDArray[np.bool_], around: int, area: NDArray[np.float64]) -> Floats:
+def _means_around(probability: Floats, place: Bools, around: int, area: Doubles) -> Floats:
     means = np.empty_like(probability)
     picture = np.zeros(place.shape, np.float32)
     for number in range(probability.shape[1]):
@@ -534,23 +531,19 @@ def _one(
 
 
 def _angle(vectors: Floats, normals: Floats) -> Floats:
-    angle: Floats = 2 * np.arcsin(np.clip(np.linalg.norm(vectors - normals, axis=-1) / 2, 0, 1))
-    return angle
+    return 2 * np.arcsin(np.clip(np.linalg.norm(vectors - normals, axis=-1) / 2, 0, 1))
 
 
 def _gaussian(off: Floats, spread: Floats | float) -> Floats:
-    density: Floats = np.exp(-0.5 * (off / spread) ** 2) / (spread * np.sqrt(2 * np.pi))
-    return density
+    return np.exp(-0.5 * (off / spread) ** 2) / (spread * np.sqrt(2 * np.pi))
 
 
 def _density_of_direction(angle: Floats, spread: Floats) -> Floats:
-    density: Floats = np.exp(-0.5 * (angle / spread) ** 2) / (2 * np.pi * spread**2)
-    return density
+    return np.exp(-0.5 * (angle / spread) ** 2) / (2 * np.pi * spread**2)
 
 
 def _density_of_blocked(light: Floats, full: Floats) -> Floats:
     """Probability density of a blocked light's value: black, or penumbra between none and full light."""
     full = np.maximum(full, 0)
     black = np.exp(-0.5 * (light / BLACK) ** 2) / (BLACK * np.sqrt(np.pi / 2))
-    density: Floats = BLACK_SHADOWS * black + (1 - BLACK_SHADOWS) * (light < full) / np.maximum(full, 0.05)
-    return density
+    return BLACK_SHADOWS * black + (1 - BLACK_SHADOWS) * (light < full) / np.maximum(full, 0.05)

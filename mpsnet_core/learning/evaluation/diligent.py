@@ -1,6 +1,5 @@
 """Test on DiLiGenT (Shi et al. 2016): one-shot captures multiplexed from photographs under white light."""
 
-import os
 from collections.abc import Sequence
 from dataclasses import asdict
 from functools import lru_cache, partial
@@ -8,9 +7,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mpsnet_core.arrays.sizes import check_same_size
+from mpsnet_core.arrays.types import Doubles, Singles, StrPath
 from mpsnet_core.arrays.unit_vectors import normalised
 from mpsnet_core.capture.capture import Capture
 from mpsnet_core.errors import FileError, FormatError, GeometryError, InputError, SettingsError
@@ -32,16 +31,12 @@ from mpsnet_core.scene.rig import LightRig
 from mpsnet_core.synthesis.reflectance.lambertian_error import PUBLISHED_MIXING
 
 # Weights of a white photograph's R, G, B in one channel of the capture: c_i = Σ_j P_ij I_k(i),j.
-PROTOCOLS: dict[str, NDArray[np.float64]] = {
-    "separated": np.eye(3),
-    "published": PUBLISHED_MIXING,
-    "white": np.full((3, 3), 1 / 3),
-}
+PROTOCOLS: dict[str, Doubles] = {"separated": np.eye(3), "published": PUBLISHED_MIXING, "white": np.full((3, 3), 1 / 3)}
 DAMAGED_PHOTOGRAPHS = 20  # of the bear, by the data set's authors
 BRIGHT_FACING = "bright_facing_mae_deg"
 
 
-def object_folder(root: str | os.PathLike[str], name: str) -> Path | None:
+def object_folder(root: StrPath, name: str) -> Path | None:
     """The folder of one object in DiLiGenT's ``pmsData``, or None if it is absent."""
     for folder in (Path(root) / f"{name}PNG", Path(root) / "pmsData" / f"{name}PNG"):
         if folder.is_dir():
@@ -49,7 +44,7 @@ def object_folder(root: str | os.PathLike[str], name: str) -> Path | None:
     return None
 
 
-def read_diligent(folder: str | os.PathLike[str], lights: Lights, protocol: str, *, white: bool = False) -> Capture:
+def read_diligent(folder: StrPath, lights: Lights, protocol: str, *, white: bool = False) -> Capture:
     """Multiplex a capture from three of an object's white photographs.
 
     lights: numbers of the lights for the red, green and blue channel, from 1. Each photograph is divided by its light's
@@ -81,7 +76,7 @@ def read_diligent(folder: str | os.PathLike[str], lights: Lights, protocol: str,
     return Capture(np.stack(mixed, axis=-1).astype(np.float32), read_mask(folder / "mask.png"), rig, white=beside)
 
 
-def read_truth(folder: str | os.PathLike[str]) -> NDArray[np.float32]:
+def read_truth(folder: StrPath) -> Singles:
     """(H, W, 3) true normals in camera space. Raises InputError if they are missing."""
     truth = read_mat_array(Path(folder) / "Normal_gt.mat", "Normal_gt")
     if truth.ndim != 3 or truth.shape[2] != 3:
@@ -204,7 +199,7 @@ def _text(path: Path) -> str:
     return existing_file(path, "DiLiGenT's list").read_text(encoding="utf-8", errors="backslashreplace")
 
 
-def _numbers(path: Path) -> NDArray[np.float64]:
+def _numbers(path: Path) -> Doubles:
     lines = _text(path).splitlines()
     try:
         values = np.array([[float(number) for number in line.split()] for line in lines if line.strip()])

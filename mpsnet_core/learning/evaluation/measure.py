@@ -5,9 +5,9 @@ from dataclasses import dataclass, field, replace
 from typing import Any, SupportsFloat
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mpsnet_core.arrays.rank_correlation import rank_correlation
+from mpsnet_core.arrays.types import Bools, Doubles, Floats, Singles
 from mpsnet_core.arrays.unit_vectors import angular_error
 from mpsnet_core.capture.capture import Capture
 from mpsnet_core.errors import GeometryError
@@ -24,7 +24,7 @@ GROUPS = 10
 PIXELS_A_PHOTO = 4096
 
 
-def error_by_confidence(confidence: NDArray[np.floating[Any]], error: NDArray[np.floating[Any]]) -> NDArray[np.float64]:
+def error_by_confidence(confidence: Floats, error: Floats) -> Doubles:
     """(10,) mean errors of the deciles of confidence, the highest confidence first.
 
     Pixels of equal confidence have no order: each counts with their mean error.
@@ -64,12 +64,10 @@ class ConfidencePool:
     """Confidence and error of pixels from many photos, the same number from each, evenly spaced."""
 
     def __init__(self) -> None:
-        self._pixels: dict[str, list[NDArray[np.float32]]] = {}
+        self._pixels: dict[str, list[Singles]] = {}
         self._predicting: set[str] = set()
 
-    def add(
-        self, model: str, confidence: NDArray[np.float32], error: NDArray[np.float32], *, predicts_error: bool = True
-    ) -> None:
+    def add(self, model: str, confidence: Singles, error: Singles, *, predicts_error: bool = True) -> None:
         """Add the scored pixels (N,) of a photo. predicts_error: False for the baselines, see Calibration."""
         if predicts_error:
             self._predicting.add(model)
@@ -111,9 +109,9 @@ class Case:
     """Labels of its rows."""
     capture: Capture
     """The photo, H x W pixels, with its mask and lights."""
-    truth: NDArray[np.float32]
+    truth: Singles
     """(H, W, 3) float32. True unit normals in camera space, zero where unknown, which may be inside the mask."""
-    regions: Mapping[str, NDArray[np.bool_]] = field(default_factory=dict)
+    regions: Mapping[str, Bools] = field(default_factory=dict)
     """(H, W) bool by name. Parts of the image whose mean errors are also reported."""
 
     def __post_init__(self) -> None:
@@ -129,9 +127,9 @@ class Case:
         return ", ".join(labels)
 
     @property
-    def scored(self) -> NDArray[np.bool_]:
+    def scored(self) -> Bools:
         """(H, W) pixels inside the mask with a true normal."""
-        known: NDArray[np.bool_] = np.abs(self.truth).max(axis=-1) > 0
+        known: Bools = np.abs(self.truth).max(axis=-1) > 0
         return self.capture.mask & known
 
 
@@ -183,7 +181,7 @@ class Result:
     """The model."""
     estimate: NormalMap
     """The normals that it estimated."""
-    error: NDArray[np.float32]
+    error: Singles
     """(H, W) float32. Angular error in degrees, zero at pixels that are not scored."""
 
     @property

@@ -1,7 +1,6 @@
 """The report of an evaluation: a self-contained HTML page with table, charts and images."""
 
 import html
-import os
 import shutil
 import tempfile
 from collections.abc import Iterator, Sequence
@@ -11,8 +10,8 @@ from pathlib import Path
 from typing import NamedTuple, TextIO
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mpsnet_core.arrays.types import Singles, StrPath
 from mpsnet_core.io.files import atomic_write
 from mpsnet_core.io.html_page import HEAD, data_url, page_path
 from mpsnet_core.learning.evaluation.measure import Result
@@ -136,7 +135,7 @@ class Report:
 
 
 @contextmanager
-def open_report(path: str | os.PathLike[str]) -> Iterator[Report]:
+def open_report(path: StrPath) -> Iterator[Report]:
     """A report to add cases to. :meth:`Report.write` writes it to `path` atomically.
 
     Raises InputError if no report can be written there.
@@ -146,7 +145,7 @@ def open_report(path: str | os.PathLike[str]) -> Iterator[Report]:
         yield Report(path, figures)
 
 
-def case_picture(results: Sequence[Result]) -> NDArray[np.float32]:
+def case_picture(results: Sequence[Result]) -> Singles:
     """(H, W, 3) display values: photo and each model's normals; below, true normals, errors and the colour scale."""
     case = results[0].case
     pictures = [
@@ -172,7 +171,7 @@ def case_picture(results: Sequence[Result]) -> NDArray[np.float32]:
     )
 
 
-def _at_least_square(picture: NDArray[np.float32]) -> NDArray[np.float32]:
+def _at_least_square(picture: Singles) -> Singles:
     """The image padded at its sides, to make room for its title."""
     missing = max(picture.shape[0] - picture.shape[1], 0)
     return np.pad(picture, [(0, 0), (missing // 2, missing - missing // 2), (0, 0)], constant_values=BACKGROUND)

@@ -4,7 +4,6 @@ Jobs draw the seeds of their shapes below 2^62 (:func:`mpsnet_core.synthesis.ran
 job's seed. The seeds here are above that: no training data contains these shapes.
 """
 
-import os
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
@@ -12,8 +11,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mpsnet_core.arrays.types import Doubles, Singles, StrPath
 from mpsnet_core.capture.capture import Capture
 from mpsnet_core.errors import FileError, GeometryError
 from mpsnet_core.learning.evaluation.diligent import PROTOCOLS
@@ -50,7 +49,7 @@ def published_view(
     shape: dict[str, Any],
     materials: tuple[Material, ...],
     size: int,
-    rotation: NDArray[np.float64] | None = None,
+    rotation: Doubles | None = None,
     *,
     pattern: Pattern = NO_PATTERN,
     bounces: int = 0,
@@ -81,7 +80,7 @@ def ideal_photograph(sample: Sample, protocol: str, *, white: bool = False) -> C
     """
     weights = PROTOCOLS[protocol].astype(np.float32)
 
-    def channel(number: int, light: NDArray[np.float32]) -> NDArray[np.float32]:
+    def channel(number: int, light: Singles) -> Singles:
         # Not a matrix product, whose order of summation differs between machines.
         return np.asarray(sum(weights[number, j] * light[..., j] for j in range(3)))
 
@@ -132,7 +131,7 @@ class MeshView:
         )
 
 
-def mesh_views(paths: Sequence[str | os.PathLike[str]], views: int) -> list[MeshView]:
+def mesh_views(paths: Sequence[StrPath], views: int) -> list[MeshView]:
     """`views` views of each mesh. paths: mesh files, or folders of them.
 
     Raises FileError if a file is missing or a folder has no meshes.

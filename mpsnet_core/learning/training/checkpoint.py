@@ -1,6 +1,5 @@
 """Checkpoints: everything a run needs to resume as if it had never stopped."""
 
-import os
 import warnings
 import zipfile
 from io import BytesIO
@@ -10,6 +9,7 @@ from typing import Any, NamedTuple, get_origin, get_type_hints
 import torch
 from torch import Tensor
 
+from mpsnet_core.arrays.types import StrPath
 from mpsnet_core.errors import FormatError, InputError
 from mpsnet_core.io.files import atomic_write, existing_file
 from mpsnet_core.io.opening import DAMAGED
@@ -49,7 +49,7 @@ _TYPES: dict[str, Any] = {name: get_origin(kind) or kind for name, kind in get_t
 _TYPES |= {"recipe": dict, "continues": dict | None}
 
 
-def write_checkpoint(path: str | os.PathLike[str], checkpoint: Checkpoint) -> None:
+def write_checkpoint(path: StrPath, checkpoint: Checkpoint) -> None:
     """Write the file atomically."""
     data = {**checkpoint._asdict(), "format": FORMAT, "recipe": checkpoint.recipe.to_json()}
     content = BytesIO()
@@ -58,7 +58,7 @@ def write_checkpoint(path: str | os.PathLike[str], checkpoint: Checkpoint) -> No
         unfinished.write_bytes(content.getbuffer())
 
 
-def read_checkpoint(path: str | os.PathLike[str]) -> Checkpoint:
+def read_checkpoint(path: StrPath) -> Checkpoint:
     """Read a checkpoint without executing code in it. Raises InputError if it is missing, damaged or another file."""
     path = existing_file(path, "checkpoint")
     if path.stat().st_size > MAX_BYTES:

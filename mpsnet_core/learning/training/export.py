@@ -1,7 +1,6 @@
 """Export a trained network as an ONNX file with its card, if its outputs equal PyTorch's."""
 
 import json
-import os
 import platform
 import time
 import warnings
@@ -15,6 +14,7 @@ import onnxruntime
 import torch
 from torch import Tensor, nn
 
+from mpsnet_core.arrays.types import StrPath
 from mpsnet_core.errors import InputError, SettingsError
 from mpsnet_core.estimate.card import CARD_KEY, TRAINING_KEY, ModelCard
 from mpsnet_core.estimate.features import CONSTANTS, FEATURE_CHANNELS
@@ -30,7 +30,7 @@ TOLERANCE = 1e-4
 RIGHT_ANGLE = float(np.pi / 2)
 
 
-def export_onnx(trained: Trained, path: str | os.PathLike[str]) -> None:
+def export_onnx(trained: Trained, path: StrPath) -> None:
     """Write a network's ONNX file, with its card and training record.
 
     The file has opset 17, dynamic batch, height and width, and inferred shapes. Its outputs are "normals" and, if the

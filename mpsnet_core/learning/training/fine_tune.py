@@ -1,7 +1,6 @@
 """Fine-tuning: load the weights of an exported network into one that can be trained."""
 
 import json
-import os
 from dataclasses import dataclass
 from typing import Any
 
@@ -14,6 +13,7 @@ from onnx import numpy_helper
 from torch import Tensor, nn
 from torch.nn import functional
 
+from mpsnet_core.arrays.types import StrPath
 from mpsnet_core.errors import FormatError
 from mpsnet_core.estimate.card import TRAINING_KEY
 from mpsnet_core.io.files import existing_file
@@ -46,7 +46,7 @@ class Exported:
         return int(self.record["steps"])
 
 
-def read_exported(path: str | os.PathLike[str]) -> Exported:
+def read_exported(path: StrPath) -> Exported:
     """Read an exported network. Raises InputError if it is missing, damaged, or not by :func:`export_onnx`."""
     path = existing_file(path, "model")
     refusal = f"model {path} is damaged or was not trained here; resume from another"

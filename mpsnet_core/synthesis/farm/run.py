@@ -2,7 +2,6 @@
 
 import itertools
 import logging
-import os
 import shutil
 import threading
 import time
@@ -13,6 +12,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from mpsnet_core.arrays.row_bands import usable_cores
+from mpsnet_core.arrays.types import StrPath
 from mpsnet_core.errors import InputError, SettingsError
 from mpsnet_core.io.claims import Claims
 from mpsnet_core.io.files import check_no_link, resolved, writable_path
@@ -71,7 +71,7 @@ def blender_command(blender: str = "", addon: str = "") -> tuple[str, ...]:
 
 
 def make_samples(
-    folder: str | os.PathLike[str],
+    folder: StrPath,
     job: SampleJob,
     command: Sequence[str] = SYNTHESIS_COMMAND,
     *,

@@ -7,6 +7,7 @@ from typing import Any, Literal, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from mpsnet_core.arrays.types import Floats, Singles
 from mpsnet_core.errors import FileError, FormatError, SettingsError
 from mpsnet_core.synthesis.reflectance.measured import MerlFit, MerlTable, read_fits, read_merl
 from mpsnet_core.synthesis.reflectance.principled import PrincipledBsdf
@@ -35,13 +36,7 @@ class Reflectance(Protocol):
         below the surface.
     """
 
-    def __call__(
-        self,
-        normals: NDArray[np.floating[Any]],
-        lights: NDArray[np.floating[Any]],
-        views: NDArray[np.floating[Any]],
-        paint: NDArray[np.floating[Any]] | None = None,
-    ) -> NDArray[np.float32]: ...
+    def __call__(self, normals: Floats, lights: Floats, views: Floats, paint: Floats | None = None) -> Singles: ...
 
 
 def load_reflectance(material: Material, merl: str = "") -> Reflectance:

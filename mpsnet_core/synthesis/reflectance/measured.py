@@ -1,15 +1,12 @@
 """Measured materials: MERL's files, and neural fits to them."""
 
-import os
-from typing import Any
-
 import numpy as np
-from numpy.typing import NDArray
 
+from mpsnet_core.arrays.types import Bools, Floats, Indices, Singles, StrPath
 from mpsnet_core.errors import FormatError, InputError
 from mpsnet_core.io.files import existing_file
 from mpsnet_core.io.npz import read_arrays
-from mpsnet_core.synthesis.reflectance.hemisphere import AboveSurface, Floats, rusinkiewicz_angles
+from mpsnet_core.synthesis.reflectance.hemisphere import AboveSurface, rusinkiewicz_angles
 
 # Weights and biases of three layers, (materials, inputs, outputs) and (materials, outputs).
 _LAYERS = {"fc1": (6, 21), "b1": (21,), "fc2": (21, 21), "b2": (21,), "fc3": (21, 3), "b3": (3,)}
@@ -32,7 +29,7 @@ class MerlFit(AboveSurface):
     Reciprocal by construction, like the table that it fits. Paint multiplies the reflectance.
     """
 
-    def __init__(self, *layers: NDArray[np.float32]) -> None:
+    def __init__(self, *layers: Singles) -> None:
         self._layers = layers
 
     def _evaluate(self, normals: Floats, lights: Floats, views: Floats, paint: Floats | None) -> Floats:
@@ -48,11 +45,11 @@ class MerlFit(AboveSurface):
         fc1, b1, fc2, b2, fc3, b3 = self._layers
         hidden = np.maximum(inputs @ fc1 + b1, 0)
         hidden = np.maximum(hidden @ fc2 + b2, 0)
-        result: NDArray[np.float32] = np.maximum(np.expm1(np.minimum(hidden @ fc3 + b3, np.float32(_MAX_EXPONENT))), 0)
+        result: Singles = np.maximum(np.expm1(np.minimum(hidden @ fc3 + b3, np.float32(_MAX_EXPONENT))), 0)
         return result if paint is None else result * paint
 
 
-def read_fits(path: str | os.PathLike[str]) -> dict[str, MerlFit]:
+def read_fits(path: StrPath) -> dict[str, MerlFit]:
     """Read a file of fits to MERL: reflectance by material name, in the file's order.
 
     The file is an ``.npz`` with "names" (M,) and, for each material, "fc1" (M, 6, 21), "b1" (M, 21), "fc2" (M, 21, 21),
@@ -106,7 +103,7 @@ class MerlTable(AboveSurface):
     the other half light and viewer are swapped. Paint multiplies the reflectance.
     """
 
-    def __init__(self, values: NDArray[np.float32]) -> None:
+    def __init__(self, values: Singles) -> None:
         # The azimuth is periodic: pad one bin at either end, so neighbours are always one step apart.
         self._rows = np.concatenate([values[:, :, -1:], values, values[:, :, :1]], axis=2).reshape(-1, 3)
 
@@ -129,14 +126,14 @@ class MerlTable(AboveSurface):
         return result if paint is None else result * paint
 
 
-def _between(position: NDArray[np.floating[Any]], count: int) -> tuple[NDArray[np.intp], NDArray[np.floating[Any]]]:
+def _between(position: Floats, count: int) -> tuple[Indices, Floats]:
     # The bin below a position, and the weight of the next one. The outermost bins extend beyond their centres.
     position = np.clip(position, 0, count - 1)
     below = np.minimum(position.astype(np.intp), count - 2)
     return below, position - below
 
 
-def read_merl(path: str | os.PathLike[str]) -> MerlTable:
+def read_merl(path: StrPath) -> MerlTable:
     """Read a ``.binary`` file of the MERL database. It takes 17 MB of memory.
 
     Negative values mark directions that were not measured, most of them below the surface. They get the value of the
@@ -156,13 +153,13 @@ def read_merl(path: str | os.PathLike[str]) -> MerlTable:
         for channel in range(3):
             plane = np.frombuffer(file.read((_FILE_BYTES - _HEADER_BYTES) // 3), "<f8").reshape(BINS)
             values[..., channel] = plane * SCALE[channel]
-    measured: NDArray[np.bool_] = np.all(np.isfinite(values) & (values >= 0), axis=-1)
+    measured: Bools = np.all(np.isfinite(values) & (values >= 0), axis=-1)
     if not measured.any():
         raise FormatError(f"{path} holds no measured sample, all are negative; fetch it again")
     return MerlTable(_filled(values, measured))
 
 
-def _filled(values: NDArray[np.float32], measured: NDArray[np.bool_]) -> NDArray[np.float32]:
+def _filled(values: Singles, measured: Bools) -> Singles:
     # Fill along the difference angle. A half angle and azimuth without measurements takes the smaller half angle's.
     for axis in (1, 0):
         steps = np.arange(BINS[axis]).reshape([-1 if a == axis else 1 for a in range(3)])

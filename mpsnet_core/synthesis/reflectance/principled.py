@@ -10,14 +10,14 @@ of Cycles; base colour times paint is clamped to 1; there is no transmission, an
 
 from dataclasses import dataclass, fields
 from functools import lru_cache
-from typing import Any, TypeVar
+from typing import TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mpsnet_core.arrays.types import Doubles, Floats, Singles
 from mpsnet_core.arrays.unit_vectors import dot
 from mpsnet_core.errors import SettingsError
-from mpsnet_core.synthesis.reflectance.hemisphere import AboveSurface, Floats
+from mpsnet_core.synthesis.reflectance.hemisphere import AboveSurface
 from mpsnet_core.synthesis.scene_description import Material
 
 # --- GGX: the microfacet reflection of Cycles' Principled BSDF, and its directional albedo ----------------------------
@@ -28,7 +28,7 @@ from mpsnet_core.synthesis.scene_description import Material
 # Physically Based Shading at Imageworks", SIGGRAPH course 2017.
 
 
-Share = TypeVar("Share", float, NDArray[np.float32])
+Share = TypeVar("Share", float, Singles)
 
 # Below this alpha, a point light's highlight is narrower than the resolution of directions in float32.
 _MIN_ALPHA = 1e-4
@@ -41,9 +41,7 @@ _FRESNEL_NODES = 16
 _RAYS = 512
 
 
-def ggx(
-    alpha: float, sine_squared: NDArray[np.float32], cos_light: NDArray[np.float32], cos_view: NDArray[np.float32]
-) -> NDArray[np.float32]:
+def ggx(alpha: float, sine_squared: Singles, cos_light: Singles, cos_view: Singles) -> Singles:
     """Reflectance (N,) in 1/sr of mirror facets, without Fresnel: D G / (4 cos cos). Reciprocal.
 
     sine_squared: (N,) of the angle between normal and half vector. Its cosine would be too close to 1 to resolve narrow
@@ -57,9 +55,7 @@ def ggx(
     return squared / (np.float32(2 * np.pi) * slope * slope * masking)
 
 
-def fresnel_dielectric(
-    cosine: NDArray[np.floating[Any]], ior: NDArray[np.floating[Any]] | float
-) -> NDArray[np.floating[Any]]:
+def fresnel_dielectric(cosine: Floats, ior: Floats | float) -> Floats:
     """Fresnel reflectance for unpolarised light at a boundary of relative index `ior`, 1 at total reflection."""
     inside = ior * ior - 1 + cosine * cosine
     g = np.sqrt(np.maximum(inside, 0))
@@ -86,7 +82,7 @@ def fresnel_average(ior: float) -> float:
     return float(2 * (cosines * fresnel_dielectric(cosines, ior)).mean())
 
 
-def albedo(roughness: float, cosines: NDArray[np.float64]) -> tuple[NDArray[np.float64], float]:
+def albedo(roughness: float, cosines: Doubles) -> tuple[Doubles, float]:
     """Directional albedo of mirror facets with single scattering.
 
     Returns the albedo at view cosines (K,), and its mean over all views.
@@ -105,13 +101,13 @@ def further_reflections(facets: Share, average: float) -> Share:
     return facets * average / (1 - facets * (1 - average))
 
 
-def fresnel_share(roughness: float, ior: float, cosines: NDArray[np.float64]) -> NDArray[np.float64]:
+def fresnel_share(roughness: float, ior: float, cosines: Doubles) -> Doubles:
     """(K,) mean Fresnel reflectance over the visible facets, rescaled from f0 to 1 onto 0 to 1."""
     table = _between(_between(_tables()[2], abs(reflectance_of_ior(ior)) ** 0.25), roughness)
     return np.interp(cosines, np.linspace(0, 1, _FRESNEL_NODES), table)
 
 
-def _between(table: NDArray[np.float64], position: float) -> NDArray[np.float64]:
+def _between(table: Doubles, position: float) -> Doubles:
     # Interpolates the table at a position from 0 to 1 along its first axis.
     place = min(max(position, 0.0), 1.0) * (len(table) - 1)
     below = min(int(place), len(table) - 2)
@@ -119,7 +115,7 @@ def _between(table: NDArray[np.float64], position: float) -> NDArray[np.float64]
 
 
 @lru_cache(maxsize=1)
-def _tables() -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+def _tables() -> tuple[Doubles, Doubles, Doubles]:
     # Albedos of mirror facets (roughness, view) and (roughness,); Fresnel shares (ior, roughness, view), where ior is
     # parametrised by the fourth root of f0.
     nodes = np.linspace(0, 1, _ALBEDO_NODES).clip(1e-4)
@@ -138,9 +134,7 @@ def _tables() -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.floa
     return single, average, share
 
 
-def _reflected(
-    roughness: NDArray[np.float64], cosine: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _reflected(roughness: Doubles, cosine: Doubles) -> tuple[Doubles, Doubles]:
     # For facets sampled by visible normals: the cosine at the facet, and the unmasked share of its reflection. Heitz,
     # "Sampling the GGX Distribution of Visible Normals", JCGT 2018, on a golden-ratio lattice over half of the disc;
     # the other half is symmetric. The view is in the plane y = 0.
@@ -173,15 +167,15 @@ def _reflected(
 class Sheen:
     """Sheen of one roughness at K view cosines: a cosine lobe, stretched by `spread`, sheared by `shear` and scaled."""
 
-    albedo: NDArray[np.float64]
+    albedo: Doubles
     """(K,) float64. Directional albedo, which scales the lobe, 0 to 1."""
-    spread: NDArray[np.float64]
+    spread: Doubles
     """(K,) float64. Stretch of the lobe."""
-    shear: NDArray[np.float64]
+    shear: Doubles
     """(K,) float64. Shear of the lobe."""
 
 
-def sheen(roughness: float, cosines: NDArray[np.float64]) -> Sheen:
+def sheen(roughness: float, cosines: Doubles) -> Sheen:
     """The sheen layer of a roughness from 0 to 1, seen at `cosines` (K,)."""
     # The fits are not valid for smaller roughness.
     x, y = cosines, min(max(roughness, 0.01), 1.0)
@@ -194,13 +188,7 @@ def sheen(roughness: float, cosines: NDArray[np.float64]) -> Sheen:
     return Sheen(albedo.clip(0, 1), spread, shear)
 
 
-def sheen_lobe(
-    spread: NDArray[np.float32],
-    shear: NDArray[np.float32],
-    cos_light: NDArray[np.float32],
-    cos_view: NDArray[np.float32],
-    cos_between: NDArray[np.float32],
-) -> NDArray[np.float32]:
+def sheen_lobe(spread: Singles, shear: Singles, cos_light: Singles, cos_view: Singles, cos_between: Singles) -> Singles:
     """Reflectance (N,) in 1/sr of a sheen layer of albedo 1. cos_between: of the angle between light and viewer."""
     sine = np.sqrt(np.maximum(1 - cos_view * cos_view, 1e-12))
     towards_view = (cos_between - cos_light * cos_view) / sine
@@ -270,7 +258,7 @@ class PrincipledBsdf(AboveSurface):
         rows = np.take(self._by_view, step, axis=0)
         rows += (position - step)[:, None] * (np.take(self._by_view, step + 1, axis=0) - rows)
         diffuse, specular, metal, missing, coat, sheen, spread, shear = rows.T
-        result: NDArray[np.float32] = diffuse[:, None] * base
+        result: Singles = diffuse[:, None] * base
 
         towards = lights + views
         length = np.maximum(np.sqrt(dot(towards, towards)), np.float32(1e-6))
@@ -302,9 +290,7 @@ def _share(value: float) -> float:
     return min(max(value, 0.0), 1.0)
 
 
-def _dielectric(
-    roughness: float, ior: float, cosines: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _dielectric(roughness: float, ior: float, cosines: Doubles) -> tuple[Doubles, Doubles]:
     # Factor of a dielectric's lobe for multiple scattering, and its albedo, both (K,). The albedo is estimated as in
     # Cycles: the mean Fresnel reflectance times the albedo of mirror facets.
     single, average = albedo(roughness, cosines)

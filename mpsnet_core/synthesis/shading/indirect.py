@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mpsnet_core.arrays.row_bands import bands
+from mpsnet_core.arrays.types import Doubles, Integers, Singles
 from mpsnet_core.arrays.unit_vectors import dot
 from mpsnet_core.synthesis.reflectance import Reflectance
 from mpsnet_core.synthesis.shading.directions import disc, frames, tiled
@@ -23,20 +24,20 @@ REACH = 2
 _PLANE_REACH = 3.0  # gathering pixels
 _SQUARINGS = 5  # weights are the cosine between normals to the power 2^5
 
-Albedo = Callable[[SurfacePoints], NDArray[np.float32]]
+Albedo = Callable[[SurfacePoints], Singles]
 
 
 def indirect(
     surface: Surface,
     lights: Sequence[Light],
     points: SurfacePoints,
-    pixels: NDArray[np.int64],
+    pixels: Integers,
     shape: tuple[int, int],
     stride: int,
     footprint: float,
     albedo: Albedo,
     bounces: int,
-) -> NDArray[np.float32]:
+) -> Singles:
     """(N, lights, 3) radiance of a white matt surface at the points by light from other surfaces.
 
     pixels: (N,) indices of the points' pixels in an image of `shape`. stride: light is gathered at every `stride`-th
@@ -55,13 +56,8 @@ def indirect(
 
 
 def _gathered(
-    surface: Surface,
-    lights: Sequence[Light],
-    points: SurfacePoints,
-    tile: NDArray[np.int64],
-    albedo: Albedo,
-    bounces: int,
-) -> NDArray[np.float32]:
+    surface: Surface, lights: Sequence[Light], points: SurfacePoints, tile: Integers, albedo: Albedo, bounces: int
+) -> Singles:
     """(N, 3 lights) mean incoming radiance along a few cosine-distributed paths."""
     total = np.zeros((len(points), len(lights), 3), np.float32)
     places = disc(RAYS, _TILE**2).astype(np.float32)
@@ -95,7 +91,7 @@ def _gathered(
     return total.reshape(len(points), -1)
 
 
-def _cosine_distributed(places: NDArray[np.float32], points: SurfacePoints) -> NDArray[np.float32]:
+def _cosine_distributed(places: Singles, points: SurfacePoints) -> Singles:
     """(N, 3) cosine-distributed directions above the points, from points (N, 2) on the unit disc (Malley's method)."""
     first, second = frames(points.smooth)
     x, y = places.T[..., None]
@@ -110,13 +106,7 @@ class _Grid:
     """
 
     def __init__(
-        self,
-        shape: tuple[int, int],
-        at: NDArray[np.int64],
-        normals: NDArray[np.float32],
-        positions: NDArray[np.float32],
-        values: NDArray[np.float32],
-        step: float,
+        self, shape: tuple[int, int], at: Integers, normals: Singles, positions: Singles, values: Singles, step: float
     ) -> None:
         # A border as wide as the smoothing radius avoids special cases. Normals are 0 where there is no surface.
         row, column = np.divmod(at, shape[1])
@@ -142,9 +132,7 @@ class _Grid:
             weights += weight
         values[self.numbers] = total / weights  # a point's own weight is 1, so the sum is above 0
 
-    def sampled(
-        self, row: NDArray[np.float64], column: NDArray[np.float64], points: SurfacePoints
-    ) -> NDArray[np.float32]:
+    def sampled(self, row: Doubles, column: Doubles, points: SurfacePoints) -> Singles:
         """(N, K) values at points at rows and columns (N,) of the grid, interpolated from the nearest four."""
         normals, positions, values = self.layers
         top, left = np.floor(row).astype(np.int64), np.floor(column).astype(np.int64)
@@ -167,15 +155,9 @@ class _Grid:
         total /= np.maximum(weights, 1e-9)
         return total
 
-    def _alike(
-        self,
-        normals: NDArray[np.float32],
-        positions: NDArray[np.float32],
-        other_normals: NDArray[np.float32],
-        other_positions: NDArray[np.float32],
-    ) -> NDArray[np.float32]:
+    def _alike(self, normals: Singles, positions: Singles, other_normals: Singles, other_positions: Singles) -> Singles:
         """(N,) similarity of two surface elements, 0 to 1."""
-        alike: NDArray[np.float32] = np.maximum(dot(normals, other_normals), 0)
+        alike: Singles = np.maximum(dot(normals, other_normals), 0)
         for _ in range(_SQUARINGS):
             alike *= alike
         plane = dot(normals, other_positions - positions)
@@ -206,7 +188,7 @@ _ANGLES, _STEPS = np.pi / 2 * _ANGLES**3, np.pi / 2 * 3 * _ANGLES**2 / 96
 class Lobe:
     """Properties of a reflectance at normal incidence."""
 
-    albedo: NDArray[np.float32]
+    albedo: Singles
     """(3,) float32. Directional albedo."""
     width: float
     """Angle in radians at which the highlight falls to a half, infinite if there is none."""
@@ -230,11 +212,11 @@ def reflect_light(
     reflectance: Reflectance,
     width: float,
     light: Light,
-    normals: NDArray[np.float32],
-    views: NDArray[np.float32],
-    paint: NDArray[np.float32] | None,
+    normals: Singles,
+    views: Singles,
+    paint: Singles | None,
     turns: NDArray[np.integer[Any]],
-) -> NDArray[np.float32]:
+) -> Singles:
     """(N, 3) radiance of points under an unoccluded light, divided by irradiance; 1 for a white matt surface.
 
     normals, views: (N, 3) unit vectors. paint: (N, 3) or None. width: of the reflectance's lobe. turns: (N,) integers
@@ -243,7 +225,7 @@ def reflect_light(
     middle = light.direction.astype(np.float32)
     cosine = normals @ middle
     radius = light.radius
-    result: NDArray[np.float32] = np.pi * reflectance(normals, _above(normals, middle, cosine), views, paint)
+    result: Singles = np.pi * reflectance(normals, _above(normals, middle, cosine), views, paint)
     if radius <= POINT_LIKE * width:
         return result
     mirrored = (2 * dot(normals, views))[:, None] * normals - views
@@ -272,9 +254,7 @@ def reflect_light(
     return result
 
 
-def _above(
-    normals: NDArray[np.float32], middle: NDArray[np.float32], cosine: NDArray[np.float32]
-) -> NDArray[np.float32]:
+def _above(normals: Singles, middle: Singles, cosine: Singles) -> Singles:
     """(N, 3) directions to the light's centre, lifted above the horizon."""
     towards = np.broadcast_to(middle, normals.shape)
     below = np.flatnonzero(cosine < MIN_COSINE)
@@ -285,7 +265,7 @@ def _above(
     return towards
 
 
-Places = Iterator[tuple[NDArray[np.float32], NDArray[np.float32]]]
+Places = Iterator[tuple[Singles, Singles]]
 """Point after point of a disc: where (N, 2), its rim the unit circle, and with which weight (N,) or () for all."""
 
 
@@ -295,13 +275,13 @@ def _three(turns: NDArray[np.integer[Any]]) -> Places:
         yield places[turns], np.array(1 / 3, np.float32)
 
 
-def _many(mirror: NDArray[np.float32], spread: np.float32, turns: NDArray[np.integer[Any]]) -> Places:
+def _many(mirror: Singles, spread: np.float32, turns: NDArray[np.integer[Any]]) -> Places:
     """Samples of the disc and of the lobe, combined by the balance heuristic (Veach 1997).
 
     mirror: (N, 2) intersection of the mirror direction with the disc's plane. spread: width of the lobe there.
     """
 
-    def weights(places: NDArray[np.float32]) -> NDArray[np.float32]:
+    def weights(places: Singles) -> Singles:
         square = ((places - mirror) ** 2).sum(axis=1)
         density = spread**2 / (square + spread**2) ** 2 / within
         return ((places**2).sum(axis=1) <= 1) / (DISC_POINTS + LOBE_POINTS * density)

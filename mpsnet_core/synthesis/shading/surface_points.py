@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from mpsnet_core.arrays.types import Integers, Singles
 from mpsnet_core.arrays.unit_vectors import dot, normalised
 from mpsnet_core.scene.camera import Camera
 from mpsnet_core.scene.rays import Hits, RayScene, lift_to_curve
@@ -23,17 +24,17 @@ MIN_FACING = np.float32(0.01)
 class SurfacePoints:
     """N points of the surface, in world space unless stated otherwise."""
 
-    position: NDArray[np.float32]
+    position: Singles
     """(N, 3) float32. Position on the surface."""
-    start: NDArray[np.float32]
+    start: Singles
     """(N, 3) float32. Origin of rays, just above the surface."""
-    smooth: NDArray[np.float32]
+    smooth: Singles
     """(N, 3) float32. Unit normals interpolated from the corners."""
-    normal: NDArray[np.float32]
+    normal: Singles
     """(N, 3) float32. Unit normals with bump, facing the viewer."""
-    view: NDArray[np.float32]
+    view: Singles
     """(N, 3) float32. Unit vectors to the viewer."""
-    place: NDArray[np.float32]
+    place: Singles
     """(N, 3) float32. Position in object space."""
     part: NDArray[np.int32]
     """(N,) int32. The part of the shape that each point belongs to."""
@@ -58,7 +59,7 @@ class Surface:
         self.triangles, self.parts = np.ascontiguousarray(shape.triangles.T), shape.parts
         self.normals = np.ascontiguousarray(shape.corner_normals.swapaxes(0, 1))
 
-    def seen(self, camera: Camera) -> tuple[NDArray[np.int64], NDArray[np.float32], SurfacePoints]:
+    def seen(self, camera: Camera) -> tuple[Integers, Singles, SurfacePoints]:
         """Visible surface at pixel centres: indices (N,) in row-major order, depth (N,) along the axis, and points."""
         rows, columns = camera.extent(self.placed)
         row, column = np.mgrid[rows, columns].reshape(2, -1)
@@ -69,7 +70,7 @@ class Surface:
         depth = (hits.distance[found] - np.float32(back)) * (view @ camera.rotation[:, 2].astype(np.float32))
         return row[found] * camera.width + column[found], depth, self.points(hits.subset(found), view)
 
-    def points(self, hits: Hits, view: NDArray[np.float32], bump: bool = True) -> SurfacePoints:
+    def points(self, hits: Hits, view: Singles, bump: bool = True) -> SurfacePoints:
         """The points at hits, without misses. view: (N, 3) unit vectors back along the rays."""
         weights = (1 - hits.u - hits.v)[:, None], hits.u[:, None], hits.v[:, None]
         # Here and below: `take` is four times as fast as indexing.
@@ -92,13 +93,7 @@ class Surface:
             self.parts[hits.triangle],
         )
 
-    def _face(
-        self,
-        smooth: NDArray[np.float32],
-        normals: list[NDArray[np.float32]],
-        corners: list[NDArray[np.float32]],
-        view: NDArray[np.float32],
-    ) -> None:
+    def _face(self, smooth: Singles, normals: list[Singles], corners: list[Singles], view: Singles) -> None:
         """Flip normals in place where the surface is seen from behind."""
         away = np.flatnonzero(dot(smooth, view) < 0)
         first, second, third = (corner[away] for corner in corners)
@@ -107,12 +102,12 @@ class Surface:
             vectors[back] *= -1
 
 
-def _blend(weights: tuple[NDArray[np.float32], ...], values: list[NDArray[np.float32]]) -> NDArray[np.float32]:
+def _blend(weights: tuple[Singles, ...], values: list[Singles]) -> Singles:
     a, b, c = (weight * value for weight, value in zip(weights, values, strict=True))
     return a + b + c
 
 
-def _facing(normals: NDArray[np.float32], view: NDArray[np.float32]) -> NDArray[np.float32]:
+def _facing(normals: Singles, view: Singles) -> Singles:
     """Unit normals, bent towards the viewer if they face away."""
     cosine = dot(normals, view)
     away = np.flatnonzero(cosine < MIN_FACING)

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from mpsnet_core.arrays.types import Integers, Singles
 from mpsnet_core.arrays.unit_vectors import normalised
 from mpsnet_core.synthesis.random_sampling import generator
 from mpsnet_core.synthesis.reflectance import Reflectance
@@ -25,16 +26,16 @@ RENDERER = "synthesis"
 class _Colouring:
     """The K materials of N points."""
 
-    weights: NDArray[np.float32]
+    weights: Singles
     """(N, K) float32. Weights of the materials."""
-    paint: NDArray[np.float32] | None
+    paint: Singles | None
     """(N, 3) float32. Factors of the materials' colours, or None."""
-    dirt: NDArray[np.float32] | None
+    dirt: Singles | None
     """(N,) float32. Opacity of a matt layer over the materials, or None."""
 
-    def albedo(self, recipe: SceneDescription, lobes: Sequence[Lobe]) -> NDArray[np.float32]:
+    def albedo(self, recipe: SceneDescription, lobes: Sequence[Lobe]) -> Singles:
         """(N, 3) diffuse albedo of the points, as if they were matt."""
-        colour: NDArray[np.float32] = self.weights @ np.array([lobe.albedo for lobe in lobes])
+        colour: Singles = self.weights @ np.array([lobe.albedo for lobe in lobes])
         if self.paint is not None:
             colour = colour * self.paint
         if self.dirt is not None:
@@ -117,9 +118,9 @@ def _direct(
     light: Light,
     points: SurfacePoints,
     colouring: _Colouring,
-    irradiance: NDArray[np.float32],
+    irradiance: Singles,
     turns: NDArray[np.integer[Any]],
-) -> NDArray[np.float32]:
+) -> Singles:
     """(N, 3) radiance of the points towards the viewer by direct light."""
     radiance = np.zeros((len(points), 3), np.float32)
     for number, (reflectance, one) in enumerate(zip(reflectances, lobes, strict=True)):
@@ -142,10 +143,10 @@ class _Image:
     pixels: (N,) indices of the points in that grid, in row-major order.
     """
 
-    def __init__(self, grid: tuple[int, int], times: int, pixels: NDArray[np.int64]) -> None:
+    def __init__(self, grid: tuple[int, int], times: int, pixels: Integers) -> None:
         self.grid, self.times, self.pixels = grid, times, pixels
 
-    def share(self, values: NDArray[np.float32]) -> NDArray[np.float32]:
+    def share(self, values: Singles) -> Singles:
         """(H, W, ...) mean over the whole pixel, counting zero where there is no point."""
         fine = np.zeros((self.grid[0] * self.grid[1], *values.shape[1:]), np.float32)
         fine[self.pixels] = values
@@ -153,7 +154,7 @@ class _Image:
         fine = fine.reshape(height // times, times, width // times, times, *values.shape[1:])
         return fine[:, 0, :, 0] if times == 1 else fine.mean(axis=(1, 3), dtype=np.float32)
 
-    def mean(self, values: NDArray[np.float32], alpha: NDArray[np.float32]) -> NDArray[np.float32]:
+    def mean(self, values: Singles, alpha: Singles) -> Singles:
         """(H, W) mean over the covered part of the pixel."""
         mean = self.share(values)
         mean /= np.maximum(alpha, 1e-6)

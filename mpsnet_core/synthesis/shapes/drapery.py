@@ -1,15 +1,13 @@
 """Drapery: cloth hanging from pins, in pleats, draped over hidden objects, or crumpled."""
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mpsnet_core.arrays.types import Doubles
 from mpsnet_core.arrays.unit_vectors import normalised
 from mpsnet_core.synthesis.noise import fractal_noise, gradient_noise
 from mpsnet_core.synthesis.random_sampling import chance, choice, integer, new_seed, uniform
 from mpsnet_core.synthesis.shapes.isosurface import Solid, blended, box, cylinder, ellipsoid, lengths, limb
 from mpsnet_core.synthesis.shapes.shape import Shape, catmull_rom, sheet, turn_about
-
-Array = NDArray[np.float64]
 
 CHARACTERS = ("draped", "pinned", "pleated", "crumpled")
 # Nodes along a side of the simulated cloth, coarse to fine, and number of steps at each level.
@@ -55,7 +53,7 @@ def hammock(rng: np.random.Generator) -> Shape:
     return _finished(cloth - cloth.mean(axis=(0, 1)), rng)
 
 
-def _turned(rng: np.random.Generator) -> Array:
+def _turned(rng: np.random.Generator) -> Doubles:
     """Axes rotated about z by a random angle."""
     return turn_about((0, 0, 1), uniform(rng, 0, 360))
 
@@ -80,7 +78,7 @@ def _hidden(rng: np.random.Generator) -> tuple[list[Solid], float]:
     return solids, uniform(rng, 1.6, 2.5)
 
 
-def _hung(rng: np.random.Generator, size: float) -> tuple[Array, dict[tuple[int, int], Array]]:
+def _hung(rng: np.random.Generator, size: float) -> tuple[Doubles, dict[tuple[int, int], Doubles]]:
     """A cloth in the x, z plane, with its first row on top, and the pins that gather it."""
     nodes = _LEVELS[0][0]
     flat = _flat(nodes, size)
@@ -97,14 +95,16 @@ def _hung(rng: np.random.Generator, size: float) -> tuple[Array, dict[tuple[int,
     return start, pins
 
 
-def _flat(nodes: int, size: float) -> Array:
+def _flat(nodes: int, size: float) -> Doubles:
     """A square grid (nodes, nodes, 3) in the x, y plane, facing +z; rows are in descending order of y."""
     steps = np.linspace(-size / 2, size / 2, nodes)
     x, y = np.meshgrid(steps, -steps)
     return np.stack([x, y, np.zeros_like(x)], axis=-1)
 
 
-def _simulated(start: Array, size: float, solids: list[Solid], pins: dict[tuple[int, int], Array], seed: int) -> Array:
+def _simulated(
+    start: Doubles, size: float, solids: list[Solid], pins: dict[tuple[int, int], Doubles], seed: int
+) -> Doubles:
     """The settled cloth (M, M, 3), by position-based dynamics (Müller et al. 2007) on successively finer grids.
 
     Distance constraints: edges, diagonals and, weakly, every second node. Long-range attachments limit the distance of
@@ -116,7 +116,7 @@ def _simulated(start: Array, size: float, solids: list[Solid], pins: dict[tuple[
         rest = size / (nodes - 1)
         # A small perturbation lets it buckle.
         unrest = [gradient_noise(grid.reshape(-1, 3) * 3, seed + k).reshape(nodes, nodes) for k in range(3)]
-        cloth: Array = np.moveaxis(grid, 2, 0) + 0.1 * rest * np.stack(unrest)
+        cloth: Doubles = np.moveaxis(grid, 2, 0) + 0.1 * rest * np.stack(unrest)
         scale = (nodes - 1) // (_LEVELS[0][0] - 1)
         held = [(row * scale, column * scale, at[:, None, None]) for (row, column), at in pins.items()]
         rows, columns = np.indices((nodes, nodes))
@@ -137,13 +137,13 @@ def _simulated(start: Array, size: float, solids: list[Solid], pins: dict[tuple[
     return grid
 
 
-def _fallen(cloth: Array, before: Array) -> Array:
-    moved: Array = cloth + 0.93 * (cloth - before)
+def _fallen(cloth: Doubles, before: Doubles) -> Doubles:
+    moved: Doubles = cloth + 0.93 * (cloth - before)
     moved[2] -= _GRAVITY
     return moved
 
 
-def _constrain_lengths(cloth: Array, rest: float) -> None:
+def _constrain_lengths(cloth: Doubles, rest: float) -> None:
     # Alternate pairs, so no node is moved twice at a time.
     for grid in (cloth, cloth.transpose(0, 2, 1)):
         for odd in (0, 1):
@@ -155,18 +155,18 @@ def _constrain_lengths(cloth: Array, rest: float) -> None:
         _pull(grid[:, :-2], grid[:, 2:], 2 * rest, 0.04)
 
 
-def _pull(a: Array, b: Array, rest: float, share: float) -> None:
+def _pull(a: Doubles, b: Doubles, rest: float, share: float) -> None:
     apart = b - a
     apart *= share * (1 - rest / np.maximum(lengths(apart), 1e-9))
     a += apart
     b -= apart
 
 
-def _push_out(points: Array, before: Array, solids: list[Solid]) -> None:
+def _push_out(points: Doubles, before: Doubles, solids: list[Solid]) -> None:
     """Project points (3, N) inside a solid or the ground onto its surface, in place, with strong friction."""
 
-    def distance(places: Array) -> Array:
-        total: Array = places[2]
+    def distance(places: Doubles) -> Doubles:
+        total: Doubles = places[2]
         for solid in solids:
             total = blended(total, solid.signed_distance(places), 0.05)
         return total - 0.03
@@ -179,7 +179,7 @@ def _push_out(points: Array, before: Array, solids: list[Solid]) -> None:
     before[:, inside] += 0.7 * (points[:, inside] - before[:, inside])
 
 
-def _resampled(grid: Array, nodes: int) -> Array:
+def _resampled(grid: Doubles, nodes: int) -> Doubles:
     """A grid (M, M, 3) resampled to `nodes` nodes along a side, by cubic interpolation."""
     if len(grid) == nodes:
         return grid
@@ -188,7 +188,7 @@ def _resampled(grid: Array, nodes: int) -> Array:
     return np.ascontiguousarray(grid)
 
 
-def _finished(cloth: Array, rng: np.random.Generator) -> Shape:
+def _finished(cloth: Doubles, rng: np.random.Generator) -> Shape:
     """The cloth as a closed shape: refined, with fine creases and a back."""
     front = _resampled(cloth, _REFINED * (len(cloth) - 1) + 1)
     normals = _grid_normals(front)
@@ -201,7 +201,7 @@ def _finished(cloth: Array, rng: np.random.Generator) -> Shape:
     return sheet(front, front - _THICKNESS * normals)
 
 
-def _grid_normals(grid: Array) -> Array:
+def _grid_normals(grid: Doubles) -> Doubles:
     return normalised(np.cross(np.gradient(grid, axis=1), -np.gradient(grid, axis=0)))
 
 

@@ -6,8 +6,8 @@ The largest errors on photographs are there: under arms and cloth, in laps, fold
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mpsnet_core.arrays.types import Doubles
 from mpsnet_core.arrays.unit_vectors import normalised
 from mpsnet_core.synthesis.noise import fractal_noise
 from mpsnet_core.synthesis.random_sampling import chance, choice, direction, integer, new_seed, rotation, uniform
@@ -16,8 +16,6 @@ from mpsnet_core.synthesis.shapes.blobs import build_blob
 from mpsnet_core.synthesis.shapes.drapery import hammock
 from mpsnet_core.synthesis.shapes.isosurface import Solid, box, ellipsoid, isosurface, limb
 from mpsnet_core.synthesis.shapes.shape import Shape, displaced, fitted, joined, placed
-
-Array = NDArray[np.float64]
 
 CHARACTERS = ("vessel", "trough", "case", "niches", "figure", "hammock", "heap")
 
@@ -36,7 +34,7 @@ def build_hollow(character: str, rng: np.random.Generator, cells: int) -> Shape:
     return shape
 
 
-def _opening(rng: np.random.Generator) -> Array:
+def _opening(rng: np.random.Generator) -> Doubles:
     """(3, 3) axes of a hollow: the last, in which it opens, is at most about 60 degrees from +z."""
     up = normalised(np.array([0.0, 0.0, 1.0]) + uniform(rng, 0, 1) * direction(rng))
     side = normalised(np.cross(up, direction(rng)))

@@ -1,6 +1,5 @@
 """Meshes from files: read and repaired (merged, oriented, closed), with normals."""
 
-import os
 from collections.abc import Iterator
 from functools import lru_cache
 from pathlib import Path
@@ -10,14 +9,12 @@ import trimesh
 from numpy.typing import NDArray
 
 from mpsnet_core.arrays.connected_components import connected
+from mpsnet_core.arrays.types import Doubles, Integers, Singles, StrPath
 from mpsnet_core.arrays.unit_vectors import dot, normalised
 from mpsnet_core.errors import FileError, FormatError, GeometryError
 from mpsnet_core.io.files import existing_file
 from mpsnet_core.scene.mesh import read_mesh, triangle_normals
 from mpsnet_core.synthesis.shapes.shape import Shape, fitted
-
-Array = NDArray[np.float64]
-Faces = NDArray[np.int64]
 
 FORMATS = (".glb", ".gltf", ".obj", ".off", ".ply", ".stl")
 MAX_BYTES = 256 << 20
@@ -28,7 +25,7 @@ CREASE = 40.0
 _DIGITS, _NO_AREA = 6, 5e-15
 
 
-def mesh_files(folder: str | os.PathLike[str]) -> list[str]:
+def mesh_files(folder: StrPath) -> list[str]:
     """List the mesh files in a folder.
 
     Parameters
@@ -96,7 +93,7 @@ def load_mesh(path: str) -> Shape:
     return shape
 
 
-def merge_vertices(vertices: Array, faces: Faces) -> tuple[Array, Faces]:
+def merge_vertices(vertices: Doubles, faces: Integers) -> tuple[Doubles, Integers]:
     """Merge coincident vertices, and remove degenerate and duplicate faces."""
     used = vertices[np.unique(faces)]
     size = float((used.max(axis=0) - used.min(axis=0)).max()) or 1.0
@@ -107,7 +104,7 @@ def merge_vertices(vertices: Array, faces: Faces) -> tuple[Array, Faces]:
     return np.array(mesh.vertices) * size, np.array(mesh.faces)
 
 
-def orient_consistently(vertices: Array, faces: Faces) -> Faces:
+def orient_consistently(vertices: Doubles, faces: Integers) -> Integers:
     """Flip faces so that neighbours are oriented consistently."""
     edges = faces[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2)
     owner = np.repeat(np.arange(len(faces)), 3)
@@ -141,7 +138,7 @@ def orient_consistently(vertices: Array, faces: Faces) -> Faces:
     return np.where(flip[:, None], faces[:, ::-1], faces)
 
 
-def thicken_if_flat(vertices: Array, faces: Faces) -> tuple[Array, Faces]:
+def thicken_if_flat(vertices: Doubles, faces: Integers) -> tuple[Doubles, Integers]:
     """Thicken a flat mesh to a plate of 1/40 of its width; return any other mesh unchanged."""
     centred = vertices - vertices.mean(axis=0)
     _, extents, axes = np.linalg.svd(centred.T @ centred)
@@ -161,7 +158,7 @@ def thicken_if_flat(vertices: Array, faces: Faces) -> tuple[Array, Faces]:
     )
 
 
-def fill_mesh_holes(vertices: Array, faces: Faces) -> tuple[Array, Faces]:
+def fill_mesh_holes(vertices: Doubles, faces: Integers) -> tuple[Doubles, Integers]:
     """Fill every hole with a triangle fan around its centre."""
     onward: dict[int, list[int]] = {}
     for start, end in _open_edges(vertices, faces).tolist():
@@ -195,7 +192,7 @@ def _loops(onward: dict[int, list[int]]) -> Iterator[list[int]]:
             path.append(after)
 
 
-def _open_edges(vertices: Array, faces: Faces) -> NDArray[np.int64]:
+def _open_edges(vertices: Doubles, faces: Integers) -> Integers:
     """(N, 2) boundary edges, which occur more often in one direction than in the other; they form loops."""
     edges = faces[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2)
     keys, index = np.unique(np.sort(edges, axis=1) @ np.array([len(vertices), 1]), return_inverse=True)
@@ -205,7 +202,7 @@ def _open_edges(vertices: Array, faces: Faces) -> NDArray[np.int64]:
     return np.repeat(forth, np.abs(net), axis=0)
 
 
-def orient_outward(vertices: Array, faces: Faces) -> Faces:
+def orient_outward(vertices: Doubles, faces: Integers) -> Integers:
     """Flip connected patches of faces with negative volume."""
     patch = connected(len(vertices), faces[:, :2].ravel(), faces[:, 1:].ravel())[faces[:, 0]]
     a, b, c = (vertices[faces[:, k]] for k in range(3))
@@ -213,7 +210,7 @@ def orient_outward(vertices: Array, faces: Faces) -> Faces:
     return np.where((volume < 0)[patch][:, None], faces[:, ::-1], faces)
 
 
-def creased_normals(vertices: Array, triangles: NDArray[np.int32]) -> NDArray[np.float32]:
+def creased_normals(vertices: Doubles, triangles: NDArray[np.int32]) -> Singles:
     """(T, 3, 3) corner normals, from the faces at the vertex within the crease angle of the corner's own face."""
     area = triangle_normals(vertices[triangles])
     flat = normalised(area)
