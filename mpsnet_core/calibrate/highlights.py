@@ -128,9 +128,7 @@ def find_coloured_highlights(photo: Image, ball: Ball) -> tuple[Highlight, Highl
         found.append(replace(spot, colour=_colour(colours[:, light])))
     for a, b in combinations(found, 2):
         if np.hypot(a.x - b.x, a.y - b.y) < 0.5 * min(a.radius, b.radius):
-            raise GeometryError(
-                "two highlights lie at one place, so their lights cannot be told apart; photograph each light alone"
-            )
+            raise GeometryError("two highlights lie at one place; photograph each light alone (--per-light)")
     return found[0], found[1], found[2]
 
 

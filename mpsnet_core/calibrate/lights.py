@@ -118,9 +118,7 @@ def find_lights(sightings: Sequence[Sighting]) -> LightsFound:
         raise GeometryError("there is no photo of a mirror ball; give at least one")
     counts = {len(sighting.highlights) for sighting in sightings}
     if len(counts) != 1:
-        raise GeometryError(
-            "the ball's places do not show the same number of lights; give as many photos for each place"
-        )
+        raise GeometryError("the ball's places show different numbers of lights; give as many photos for each")
     origins, rays = (np.stack(parts) for parts in zip(*(sighting.rays() for sighting in sightings), strict=True))
     blur = np.stack([sighting.uncertainties() for sighting in sightings])
     target = np.mean([sighting.ball.centre for sighting in sightings], axis=0)
@@ -196,9 +194,7 @@ def _with_spread(found: LightsFound, rays: Doubles) -> LightsFound:
     deviations = angular_error(rays, np.broadcast_to(found.directions, rays.shape)).max(axis=0)
     worst = int(deviations.argmax())
     if deviations[worst] > MISSED * found.uncertainties[worst]:
-        log.info(
-            "light %d: its directions from the ball's places differ by up to %.2g°", worst + 1, 2 * deviations[worst]
-        )
+        log.info("light %d: its directions from the places differ by up to %.2g°", worst + 1, 2 * deviations[worst])
     return found
 
 

@@ -297,10 +297,7 @@ def _ball_pixels(photo: Image, ball: Ball) -> tuple[Doubles, Doubles]:
         usable = inside & ~photo.saturated[y, x].any(axis=1) & np.isfinite(colours).all(axis=1)
         chosen = np.flatnonzero(usable)[:: max(1, int(usable.sum()) // MAX_PIXELS)]
     if not len(points) or len(chosen) < MIN_PIXELS:
-        raise GeometryError(
-            f"the photo has fewer than {MIN_PIXELS} usable pixels of the ball; is the circle right, and is it not "
-            "overexposed?"
-        )
+        raise GeometryError(f"fewer than {MIN_PIXELS} pixels of the ball are usable; correct the circle or expose less")
     if not colours[chosen].any():
         raise GeometryError("the ball is black in the photo; were the lights on, and is the circle right?")
     return points[chosen], colours[chosen]
@@ -309,9 +306,7 @@ def _ball_pixels(photo: Image, ball: Ball) -> tuple[Doubles, Doubles]:
 def _surface(ball: Ball, rig: LightRig, points: Doubles) -> tuple[Doubles, Doubles]:
     """Positions (P, 3) and unit normals (P, 3) of the ball's surface at points (P, 2) of the photo."""
     if rig.near is not None and ball.camera.projection == "orthographic":
-        raise GeometryError(
-            "the rig's lights have positions, which only a perspective camera sees; give the camera or its focal length"
-        )
+        raise GeometryError("the rig's lights have positions; give the camera or its focal length, to see perspective")
     place, normal, _ = surface(ball, points)
     return place, normal
 

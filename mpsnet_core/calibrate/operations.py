@@ -163,9 +163,7 @@ class CalibrateLights(UsesBall):
         numbers=True,
     )
     distant: bool = option(default=False, help="write directions even where positions could be found")
-    output: str = option(
-        metavar="RIG", help="rig file (.json), or .lp with any number of directions", provenance="none"
-    )
+    output: str = option(metavar="RIG", help="rig file (.json), or .lp of any number of lights", provenance="none")
 
     def run(self, progress: Progress = silent) -> LightsCalibrated:
         """Write the rig, and the other outputs if requested."""
@@ -204,13 +202,9 @@ class CalibrateLights(UsesBall):
         from mpsnet_core.io.image import CHANNELS
 
         if not self.per_light and (self.places > 1 or self.lights):
-            raise SettingsError(
-                "--places and --lights are for photos of one light each; add --per-light, or leave them out"
-            )
+            raise SettingsError("--places and --lights are for photos of one light each; add --per-light")
         if len(files) % self.places:
-            raise SettingsError(
-                f"{len(files)} photos cannot be divided among {self.places} places; give the same number for each place"
-            )
+            raise SettingsError(f"{len(files)} photos cannot be divided among {self.places} places; give as many each")
         places = self.places if self.per_light else len(files)
         count = len(files) // places if self.per_light else 3
         numbers = _three_of(self.lights, count) if self.lights else list(range(count))
@@ -220,9 +214,7 @@ class CalibrateLights(UsesBall):
                 f"write an .lp file{_numbered(files[:count])}"
             )
         if self.per_light and count < 2:
-            raise SettingsError(
-                "--per-light takes a photo for each light; leave it out for one photo under all of them"
-            )
+            raise SettingsError("--per-light takes a photo for each light; leave it out for one photo under all")
         names = [*CHANNELS] if len(numbers) == 3 else [str(number + 1) for number in numbers]
         return _Chosen(places, numbers, names, [files[k] for k in numbers] if self.per_light else None)
 
@@ -252,9 +244,7 @@ class CalibrateLights(UsesBall):
         photos = self._photos(files, balls=self.balls)
         circles: Sequence[Circle] = photos.circles
         if len(circles) % places:
-            raise SettingsError(
-                f"there are {len(circles)} circles for {places} places of the ball; give the same number for each"
-            )
+            raise SettingsError(f"there are {len(circles)} circles for {places} places; give as many for each")
         share, each = len(files) // places, len(circles) // places
         return [
             replace(
@@ -308,9 +298,7 @@ class CalibrateLights(UsesBall):
         [file] = self.ball
         names, directions = read_lp(file)
         if not self.lights:
-            raise SettingsError(
-                f"{file} holds {len(names)} light(s); choose three with --lights 1,2,3{_numbered(map(Path, names))}"
-            )
+            raise SettingsError(f"{file} has {len(names)} light(s); choose --lights 1,2,3{_numbered(map(Path, names))}")
         numbers = _three_of(self.lights, len(names))
         check_no_overwrite([file], [self.output])
         if writable_path(self.output).suffix.lower() != ".json":
@@ -414,13 +402,9 @@ class CalibrateMixing(UsesBall):
         if Path(self.output).suffix.lower() != ".json":
             raise FileError(f"{self.output}: a rig with its mixing is written as .json; give such a file name")
         if rig.near is not None and not self.card and self.radius is None:
-            raise SettingsError(
-                "the rig's lights stand near the ball, so its size counts; give --radius, in the rig's unit"
-            )
+            raise SettingsError("the rig's lights are near, so the ball's size counts; give --radius in the rig's unit")
         if len(self.circle) > 1:
-            raise SettingsError(
-                f"a photo for the mixing shows one {'card' if self.card else 'ball'}; give one --circle"
-            )
+            raise SettingsError(f"a photo for the mixing shows one {'card' if self.card else 'ball'}; give one circle")
         if self.normal and not self.card:
             raise SettingsError("--normal is for a card; add --card, or leave it out")
         if len(files) not in ((3,) if self.card else (1, 3)):
@@ -528,6 +512,4 @@ def _log_replaced_rig(file: Path) -> None:
 
     with contextlib.suppress(InputError):
         if file.is_file() and not np.array_equal(read_rig(file).mixing, np.eye(3)):
-            log.info(
-                "the mixing that %s held belonged to its old lights and was dropped; calibrate it again", file.name
-            )
+            log.info("the mixing that %s held was of its old lights and is dropped; calibrate it again", file.name)

@@ -104,9 +104,7 @@ def seen_balls(photos: BallPhotos, image: Singles) -> list[Ball]:
     if photos.circles:
         for circle in photos.circles:
             if circle.radius > max(width, height):
-                raise GeometryError(
-                    f"a circle of {circle.radius:g} pixels is larger than the photo, {size(image.shape)}"
-                )
+                raise GeometryError(f"a radius of {circle.radius:g} pixels is more than the photo, {size(image.shape)}")
             if not (0 <= circle.x <= width and 0 <= circle.y <= height):
                 raise GeometryError(
                     f"the circle {circle.x:g},{circle.y:g},{circle.radius:g} has its centre outside the photo, which "

@@ -163,16 +163,11 @@ class Capture(Shown):
             check_same_size("what is clipped", self.clipped.shape, "the photo", image.shape)
         image = _finite_and_lit(image, mask, "photo", "were the lights on, and is it the right mask?")
         if self.rig.near is not None and (self.camera is None or self.depth is None):
-            raise GeometryError(
-                "the rig's lights stand near the object, so its distance counts: give the camera, and the object's "
-                "mesh or distance"
-            )
+            raise GeometryError("the rig's lights are near: give the camera, and the object's mesh or distance")
         if self.depth is not None:
             depth = np.asarray(self.depth, np.float32)
             if not (np.isfinite(depth) & (depth > 0)).all(where=mask):
-                raise GeometryError(
-                    "the object's depth is not above 0 everywhere inside the mask; check camera and mesh"
-                )
+                raise GeometryError("the object's depth is not above 0 everywhere in the mask; check camera and mesh")
             object.__setattr__(self, "depth", depth)
         if self.white is not None:
             if self.white_clipped is not None:
@@ -268,9 +263,7 @@ def checked_white(white: Singles, clipped: Bools | None, mask: Bools) -> Singles
 def _towards_lamp(direction: ArrayLike) -> Doubles:
     towards = np.asarray(direction, np.float64)
     if towards.shape != (3,) or not np.isfinite(towards).all() or towards[2] <= 0:
-        raise GeometryError(
-            f"the white light is not in front of the object ({direction!r}); give where it was, z above 0"
-        )
+        raise GeometryError(f"the white light is not in front of the object ({direction!r}); its z must be above 0")
     return np.asarray(towards / np.linalg.norm(towards))
 
 

@@ -103,9 +103,7 @@ def read_correction(
         first = _mean_frame(dark, encoding, layer)
         level, unusable = first.pixels, first.saturated
         if unusable.mean() > BAD_SHARE:
-            raise FormatError(
-                f"{dark} is not a dark frame: it is overexposed; switch the three lights off, or expose less"
-            )
+            raise FormatError(f"{dark} is no dark frame: it is overexposed; switch the lights off, or expose less")
     if flat is not None:
         mean = _mean_frame(flat, encoding, layer)
         mean = mean if first is None else in_frame_of(mean, flat, first, dark)

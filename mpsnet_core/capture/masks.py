@@ -127,9 +127,7 @@ def mask_of(image: Image, choice: StrPath, options: PhotoReadOptions = AS_STATED
         return background_mask(image.pixels, background.pixels, notes)
     if not Path(words).exists():
         known = ", ".join(WORDS)
-        raise FileError(
-            f"mask {words} does not exist, and is none of {known}, threshold:T and background:FILE; check it"
-        )
+        raise FileError(f"mask {words} does not exist, and is none of {known}, threshold:T, background:FILE; check it")
     return read_mask(words)
 
 

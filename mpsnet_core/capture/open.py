@@ -251,9 +251,7 @@ class PhotoSet:
             if choice == MESH and camera is not None and source.scene is not None:
                 mask = mask & mesh_mask(camera, source.scene)
                 if not mask.any():
-                    raise GeometryError(
-                        "its camera does not see the mesh; do the cameras and the mesh share one world?"
-                    )
+                    raise GeometryError("its camera does not see the mesh; do cameras and mesh share one world?")
         return MaskedPhoto(image, mask, camera)
 
     def _encoding_evidence(self, source: Source, image: Image, photo: MaskedPhoto) -> float:

@@ -203,9 +203,7 @@ class Superpose(ReadsPictures):
         help="make the red, green and blue channels from three photos, each under one white light, in the "
         "rig's order; photos of a folder or pattern are sorted by number",
     )
-    output: str = option(
-        help="the photo under all lights: .exr, or a float .tif; with --channels also .png (sRGB, 16 bits)"
-    )
+    output: str = option(help="the photo under all lights: .exr or float .tif; with --channels also .png (sRGB)")
 
     def run(self, progress: Progress = silent) -> PhotoMade:
         """Write the photo."""

@@ -249,9 +249,7 @@ def _rig(pixels: Singles, mask: Bools, rig: LightRig) -> Finding:
     if fit.better:
         return Finding("rig", "bad", misfit_words(fit.better), figures)
     if fit.probability > LIKELY:
-        return Finding(
-            "rig", "good", "by its shading, the photo was taken under the rig's lights, in its order", figures
-        )
+        return Finding("rig", "good", "by its shading, the photo was taken under the rig's lights, in order", figures)
     return Finding("rig", "good", "the photo does not tell whether the lights are in the rig's order", figures)
 
 

@@ -80,9 +80,7 @@ class ModelCard:
                 raise FormatError(f'its card\'s "inputs" has no list of features for input {name!r}')
             for feature in features:
                 if not isinstance(feature, str) or feature not in FEATURE_CHANNELS:
-                    raise FormatError(
-                        f"its card requests {feature!r}; this program makes {', '.join(FEATURE_CHANNELS)}"
-                    )
+                    raise FormatError(f"its card requests {feature!r}; this program has {', '.join(FEATURE_CHANNELS)}")
             if (constants := CONSTANTS.intersection(features)) and constants != set(features):
                 raise FormatError(
                     f"its card stacks {', '.join(sorted(constants))}, which is one pixel, with maps in input {name!r}; "

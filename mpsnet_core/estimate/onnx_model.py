@@ -61,14 +61,9 @@ def check_operators(path: Path) -> None:
     with path.open("rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as content:
         try:
             for refused in _refused(content):
-                raise FormatError(
-                    f"model file {path} has {refused}, which feed-forward convolutional networks do not need; "
-                    "export it without"
-                )
+                raise FormatError(f"model file {path} has {refused}, which no network here needs; export it without")
         except (IndexError, UnicodeDecodeError):
-            raise FormatError(
-                f"model file {path} is not an ONNX model that can be run (it is damaged); export it again"
-            ) from None
+            raise FormatError(f"model file {path} is damaged, or no ONNX model; export it again") from None
 
 
 def _refused(content: mmap.mmap) -> Iterator[str]:
@@ -239,9 +234,7 @@ class OnnxModel:
                     f"{MAX_ARENA_BYTES / (1 << 30):.3g} GiB; use smaller tiles"
                 ) from None
             reason = " ".join(str(error).split())[:200]
-            raise FormatError(
-                f"model file {self.path} failed on {shapes}: {reason}; export it with dynamic sizes"
-            ) from None
+            raise FormatError(f"model file {self.path} failed on {shapes}: {reason}; export dynamic sizes") from None
         if not all((np.abs(outputs[name]) < MAX_OUTPUT).all() for name in ("normals", "confidence") if name in outputs):
             raise FormatError(f"model file {self.path} returned values that are not finite; train or export it again")
         normals = self._shaped("normals", outputs, (count, 3, *size))
@@ -265,9 +258,7 @@ class OnnxModel:
         """An output in the expected shape. Axes of length one may differ."""
         shape = outputs[name].shape
         if [length for length in shape if length > 1] != [length for length in expected if length > 1]:
-            raise FormatError(
-                f'model file {self.path} cannot be used: its output "{name}" is {shape}, expected {expected}'
-            )
+            raise FormatError(f'model file {self.path} cannot be used: "{name}" is {shape}, expected {expected}')
         return outputs[name].reshape(expected)
 
 
@@ -325,9 +316,7 @@ def open_session(path: Path, provider: str, threads: int) -> onnxruntime.Inferen
     present = onnxruntime.get_available_providers()
     if PROVIDERS[provider] not in present:
         usable = ", ".join(name for name, full in PROVIDERS.items() if full in present)
-        raise SettingsError(
-            f"provider {provider!r} is not in this onnxruntime; choose {usable} or install one that has it"
-        )
+        raise SettingsError(f"provider {provider!r} is not in this onnxruntime; choose {usable} or install one with it")
     options = onnxruntime.SessionOptions()
     options.intra_op_num_threads = threads
     options.graph_optimization_level = onnxruntime.GraphOptimizationLevel.ORT_ENABLE_ALL
@@ -348,9 +337,7 @@ def open_session(path: Path, provider: str, threads: int) -> onnxruntime.Inferen
         )
     except _RUNTIME_ERRORS as error:
         reason = " ".join(str(error).split())[:200]
-        raise FormatError(
-            f"model file {path} is not an ONNX model that can be run ({reason}); export it again"
-        ) from None
+        raise FormatError(f"model file {path} is no ONNX model that can be run ({reason}); export it again") from None
 
 
 @cache
@@ -386,17 +373,12 @@ def _check_fit(session: onnxruntime.InferenceSession, card: ModelCard) -> None:
             want in (have, "any") or have == "any" for want, have in zip(expected, shape, strict=True)
         )
         if not fits or (shape[1] != channels) or node.type != "tensor(float)":
-            raise FormatError(
-                f"input {name!r} is {node.type} {shape}; expected tensor(float) {expected} for "
-                f"{' + '.join(card.inputs[name])}"
-            )
+            raise FormatError(f"input {name!r} is {node.type} {shape}, not tensor(float) {expected}; see the card")
         # Dense networks run on one tile at a time, so a batch fixed at 1 is harmless.
         batch_fits = shape[0] == "any" or (card.kind != "patch" and shape[0] == 1)
         if not batch_fits or any(
             have != want for have, want in zip(shape[1:], expected[1:], strict=True) if want == "any"
         ):
-            raise FormatError(
-                f"input {name!r} has the fixed size {shape}; expected {expected}: export with dynamic sizes"
-            )
+            raise FormatError(f"input {name!r} has the fixed size {shape}, not {expected}: export with dynamic sizes")
     if "normals" not in [node.name for node in session.get_outputs()]:
         raise FormatError('it has no output called "normals"')

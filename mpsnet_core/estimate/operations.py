@@ -270,9 +270,7 @@ class Estimate(RunsModel, HasViewpoint, ReadsPhotos):
         if not any(map(is_video, photos)):
             return self._photos(photos, inputs, progress)
         if len(photos) > 1:
-            raise SettingsError(
-                f"{next(filter(is_video, photos))} is a video; give it alone, and each video on its own"
-            )
+            raise SettingsError(f"{next(filter(is_video, photos))} is a video; give it alone, each video on its own")
         return self._video(photos[0], inputs, progress)
 
     def _photos(self, photos: list[Path], inputs: list[Path], progress: Progress) -> FramesMade:
@@ -287,9 +285,7 @@ class Estimate(RunsModel, HasViewpoint, ReadsPhotos):
         masks = frame_masks(self.mask)
         if numbered is None and (self.smooth or masks.by_number):
             what = "--smooth" if self.smooth else f"--mask {self.mask}"
-            raise SettingsError(
-                f"{what} takes the frames of one sequence: photos whose names differ in one number only"
-            )
+            raise SettingsError(f"{what} takes the frames of one sequence: photos whose names differ in one number")
         for number in numbered.numbers if numbered else ():
             masks.of(number)  # report a missing mask before any work
         like, lights = self.source(photos[0], self.rig), None

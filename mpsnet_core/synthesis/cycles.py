@@ -103,9 +103,7 @@ def _planes(path: Path) -> dict[str, Singles]:
 def _checked(values: Singles, what: str, camera: Camera, path: Path) -> Singles:
     height, width = values.shape[:2]
     if (width, height) != (camera.width, camera.height):
-        raise FormatError(
-            f"{path} is {width} x {height}, its recipe {camera.width} x {camera.height}; make the sample again"
-        )
+        raise FormatError(f"{path} is {width} x {height}, not {camera.width} x {camera.height}; make it again")
     if not np.isfinite(values).all():
         raise FormatError(f"{path} holds values that are not finite in its {what}; make the sample again")
     return values

@@ -129,9 +129,7 @@ class SampleJob:
         if self.renderer == "synthesis" and "scene" in self.shapes:
             raise SettingsError("a scene's objects are rendered by Blender alone; take other shapes for synthesis")
         if self.renderer == "synthesis" and self.bounces > MAX_BOUNCES:
-            raise SettingsError(
-                f"synthesis follows light over {MAX_BOUNCES} bounces, not {self.bounces}; choose 0 to {MAX_BOUNCES}"
-            )
+            raise SettingsError(f"synthesis follows light over 0 to {MAX_BOUNCES} bounces, not {self.bounces}")
         if self.style != "photographs" and not self.merl:
             raise SettingsError("the paper's samples are of measured materials; name them (merl)")
         if self.renderer == "cycles" and self.merl:

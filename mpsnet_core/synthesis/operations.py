@@ -141,9 +141,7 @@ class Synthesize(RunsWorkers):
         "else all others",
     )
     meshes: str = option(default="", metavar="FOLDER", help="folder of mesh files to take shapes from", path="folder")
-    merl: str = option(
-        default="", metavar="PATH", help="measured materials: a folder of MERL .binary files, or .npz of fits"
-    )
+    merl: str = option(default="", metavar="PATH", help="measured materials: a folder of MERL files, or .npz of fits")
     merl_part: Literal["all", "training", "validation"] = option(
         default=SampleJob.merl_part,
         metavar="PART",
@@ -160,9 +158,7 @@ class Synthesize(RunsWorkers):
         },
         help="style of the samples",
     )
-    views: int = job_number(
-        "views", "how many samples in a row show the same shape, each in another pose, light and material"
-    )
+    views: int = job_number("views", "samples in a row that show one shape, each in another pose, light and material")
     bounces: int = option(
         default=SampleJob.bounces,
         low=0,
@@ -212,9 +208,7 @@ class MakeSamples(RunsWorkers):
     command: ClassVar[str] = "make"
 
     folder: str = option(positional=True, help="folder in which a job of samples was begun", provenance="none")
-    blender: str = option(
-        default="", metavar="PROGRAM", help="Blender executable that renders", unset="this Python's bpy"
-    )
+    blender: str = option(default="", metavar="PROGRAM", help="Blender to render with", unset="this Python's bpy")
     addon: str = option(
         default="", metavar="MODULE", help="module of the extension in that Blender", unset="one that is always enabled"
     )

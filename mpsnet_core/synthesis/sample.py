@@ -201,10 +201,7 @@ def _opened(path: StrPath) -> Iterator[tuple[Any, Path]]:
         spec = source.spec()
         placed = (spec.x, spec.y, spec.full_width, spec.full_height) == (0, 0, spec.width, spec.height)
         if source.format_name() != "openexr" or sorted(channel_names(spec, path)) != sorted(_CHANNELS) or not placed:
-            raise FormatError(
-                f"{path} is not a sample: it does not have a sample's layers; give a file that mpsnet synthesize or "
-                "Blender made"
-            )
+            raise FormatError(f"{path} is no sample: it lacks a sample's layers; give one that this program made")
         if max(spec.width, spec.height, spec.tile_width, spec.tile_height) > MAX_SIDE or spec.depth > 1:
             raise FormatError(
                 f"sample {path} states a size of {spec.width} x {spec.height}, more than {MAX_SIDE} pixels a side; "
@@ -219,9 +216,7 @@ def _description(source: Any, path: Path) -> tuple[dict[str, Any], SceneDescript
     """The metadata and its recipe, after checking that they are complete and match the image."""
     text = image_attribute(source.spec(), METADATA, str)
     if text is None or len(text) > MAX_TEXT_BYTES:
-        raise FormatError(
-            f"{path} is not a sample: it has no description; give a file that mpsnet synthesize or Blender made"
-        )
+        raise FormatError(f"{path} is no sample: it has no description; give one that this program made")
     try:
         data = json.loads(text)
         version, renderer = data["version"], data["renderer"]
@@ -233,9 +228,7 @@ def _description(source: Any, path: Path) -> tuple[dict[str, Any], SceneDescript
     if not known:
         raise FormatError(f"sample {path} is damaged: its description cannot be read; delete it and make it again")
     if not 1 <= version <= SAMPLE_VERSION:
-        raise FormatError(
-            f"sample {path} is of version {version}, this program reads up to {SAMPLE_VERSION}; update it"
-        )
+        raise FormatError(f"sample {path} has version {version}, above {SAMPLE_VERSION}; update this program")
     try:
         recipe = scene_from_data(data["recipe"])
         rig = LightRig(recipe.light_directions)
@@ -255,9 +248,7 @@ def _pixels(source: Any, begin: int, end: int, path: Path) -> Singles:
         values = source.read_scanlines(begin, end, 0, 0, len(_CHANNELS), oiio.FLOAT)
     reason = pending_error(source)
     if values is None or reason:
-        raise FormatError(
-            f"sample {path} is damaged or cut short ({reason or 'no pixels'}); delete it and make it again"
-        )
+        raise FormatError(f"sample {path} is damaged ({reason or 'no pixels'}); delete it and make it again")
     return np.asarray(values, np.float32).reshape(end - begin, source.spec().width, len(_CHANNELS))
 
 

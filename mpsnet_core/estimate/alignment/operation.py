@@ -337,9 +337,7 @@ def _check_size(mask: "Bools") -> None:
 
     height, width = (side.stop - side.start for side in bounding_box(mask))
     if min(height, width) * min(1.0, SCALES[0][0] / max(height, width)) < MIN_SIDE:
-        raise GeometryError(
-            f"the object is {width} x {height} pixels, too few to align a mesh with; take a larger photo of it"
-        )
+        raise GeometryError(f"the object is {width} x {height} pixels, too few to align a mesh; take a larger photo")
 
 
 def _is_poor(fit: "Fit", mask: "Bools") -> bool:

@@ -368,9 +368,7 @@ def find_lights(photos: Sequence[tuple[Floats, Bools]]) -> FoundLights:
     guesses = []
     for pixels, mask in photos:
         if np.ptp(np.nonzero(mask), axis=1).max() < SMALLEST:
-            raise GeometryError(
-                "the object is too small in the photo to find its lights; give the rig, or another mask"
-            )
+            raise GeometryError("the object is too small to find its lights; give the rig, or another mask")
         guesses.append(guess_lights(finite_inside(pixels, mask, "photo"), mask))
     directions = np.array([one.directions for one in guesses])
     errors = np.array([one.errors for one in guesses])

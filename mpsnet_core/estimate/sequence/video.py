@@ -260,10 +260,7 @@ def _curve(path: Path, transfer: int, encoding: Encoding) -> str:
 
 def _check_size(path: Path, width: int, height: int) -> None:
     if width * height > MAX_PIXELS or width * height == 0:
-        raise FormatError(
-            f"{path} says it is {width} x {height}; this program reads up to {MAX_PIXELS // 10**6} megapixels; "
-            "scale it down"
-        )
+        raise FormatError(f"{path} is {width} x {height}, above {MAX_PIXELS // 10**6} megapixels; scale it down")
 
 
 def _has_pyav() -> bool:
@@ -277,18 +274,14 @@ def _has_pyav() -> bool:
 def _opened(path: Path) -> "InputContainer":
     """The video's container, to be closed after use."""
     if not _has_pyav():
-        raise FileError(
-            f"{path} is a video, which needs PyAV: pip install '.[video]' in a copy of the repository, or give frames"
-        )
+        raise FileError(f"{path} is a video, which needs PyAV: pip install '.[video]' in a copy of the repository")
     import av
 
     try:
         container = av.open(f"file:{path}", options=dict(_OPEN))
     except (av.FFmpegError, OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or str(error)
-        raise FormatError(
-            f"{path} cannot be read as a video ({reason}); check that it is a complete video file"
-        ) from None
+        raise FormatError(f"{path} cannot be read as a video ({reason}); check that it is complete") from None
     try:
         if not container.streams.video:
             raise FormatError(f"{path} holds no pictures, only sound or text; choose another")

@@ -151,9 +151,7 @@ class Diligent(Evaluation):
             row.labels["object"] == "bear" and min(row.labels["lights"]) <= DAMAGED_PHOTOGRAPHS for row in rows
         )
         if damaged:
-            notes.append(
-                f"the bear's first {DAMAGED_PHOTOGRAPHS} photographs are known to be damaged; they are used here"
-            )
+            notes.append(f"the bear's first {DAMAGED_PHOTOGRAPHS} photographs are damaged; they are used here")
         return notes
 
     def skipped(self) -> list[str]:

@@ -61,9 +61,7 @@ class Materials(Evaluation):
                 words = [f"{material}: {errors[material]:.2f}°" for material in order]
                 curves.append(Curve(model, range(1, len(order) + 1), [errors[material] for material in order], words))
             title = f"{len(order)} materials, {protocol}"
-            charts.append(
-                line_chart(title, curves, "materials by the baseline's error", "mean angular error in degrees")
-            )
+            charts.append(line_chart(title, curves, "materials by the baseline's error", "mean error in degrees"))
         return charts
 
     def notes(self, rows: Sequence[Row]) -> list[str]:

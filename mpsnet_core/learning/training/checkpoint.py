@@ -78,9 +78,7 @@ def read_checkpoint(path: StrPath) -> Checkpoint:
         raise FormatError(f"checkpoint {path} is damaged, or is not a checkpoint of this program; resume from another")
     for name, kind in _TYPES.items():
         if not isinstance(data[name], kind):
-            raise FormatError(
-                f"checkpoint {path} is not a checkpoint of this program ({name} has another type); resume from another"
-            )
+            raise FormatError(f"checkpoint {path} is not of this program ({name} has another type); resume another")
     if isinstance(data["step"], bool) or not (0 <= data["step"] < MAX_STEPS and 0 <= data["seconds"] < MAX_STEPS):
         raise FormatError(f"checkpoint {path} is damaged: its steps or seconds are out of range; resume from another")
     try:

@@ -43,9 +43,7 @@ def export_onnx(trained: Trained, path: StrPath) -> None:
     path = writable_path(path)
     for name, values in trained.network.state_dict().items():
         if not values.isfinite().all():
-            raise SettingsError(
-                f"weights of the network are not finite ({name}); train again with a lower learning rate"
-            )
+            raise SettingsError(f"weights of the network are not finite ({name}); train with a lower learning rate")
     network = trained.network.eval()
     model = onnx_of(network)
     model.metadata_props.add(key=CARD_KEY, value=card_of(network, trained.recipe.name).to_json())
@@ -135,9 +133,7 @@ def _check_equal_outputs(network: Network, model: onnx.ModelProto) -> None:
         for ours, theirs in zip(expected, found, strict=True):
             difference = float(np.abs(ours.numpy() - theirs).max())
             if not difference <= TOLERANCE:
-                raise InputError(
-                    f"the exported model differs from the trained one by {difference:.2g}; export it elsewhere"
-                )
+                raise InputError(f"the exported model differs from the trained by {difference:.2g}; export elsewhere")
 
 
 def _examples(network: Network, count: int, side: int) -> tuple[Tensor, ...]:

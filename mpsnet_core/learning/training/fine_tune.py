@@ -126,9 +126,7 @@ def load_exported_weights(network: Network, exported: Exported, inputs: tuple[Te
         if next(filters, None) is not None:
             raise ValueError
     except (ValueError, RuntimeError, StopIteration):
-        raise FormatError(
-            f"model {exported.path} is of another network than the recipe's; resume from another"
-        ) from None
+        raise FormatError(f"model {exported.path} is not of the recipe's network; resume from another") from None
     finally:
         for hook in hooks:
             hook.remove()

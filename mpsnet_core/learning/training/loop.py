@@ -193,9 +193,7 @@ def _check_paths(paths: TrainingPaths, anneal: int) -> None:
     if anneal or checkpoint is None or not checkpoint.exists() or paths.overwrite:
         return
     if resume is None or not resume.exists() or not checkpoint.samefile(resume):
-        raise FileError(
-            f"{checkpoint} is from an earlier run; continue it with --resume, or start again with --overwrite"
-        )
+        raise FileError(f"{checkpoint} is of an earlier run; continue it with --resume, or replace it with --overwrite")
 
 
 def _check_fit(recipe: TrainingConfig, network: Network) -> None:
@@ -266,9 +264,7 @@ class _Run:
     def end(self, stop_after: int, paths: TrainingPaths) -> int:
         """The step to end at: the recipe's last one, or an earlier one."""
         if 0 < stop_after <= self.step:
-            raise SettingsError(
-                f"{paths.resume} has had {self.step} steps already, which --stop-after counts too; give it more"
-            )
+            raise SettingsError(f"{paths.resume} has had {self.step} steps, which --stop-after counts; give it more")
         return min(self.recipe.steps, stop_after or self.recipe.steps)
 
     def begin_anneal(self, steps: int, paths: TrainingPaths) -> int:
@@ -325,10 +321,7 @@ class _Run:
         gradients = nn.utils.clip_grad_norm_(self.network.parameters(), 1.0)
         for what, value in (("loss", loss.total), ("gradients", gradients)):
             if not torch.isfinite(value):
-                raise SettingsError(
-                    f"{what} of step {self.step} not finite; start again with a lower learning rate, or with "
-                    "--precision float32"
-                )
+                raise SettingsError(f"{what} of step {self.step} not finite; lower the learning rate or use float32")
         for optimiser in self.optimisers:
             optimiser.step()
         self.step += 1
@@ -412,9 +405,7 @@ class _Run:
         if found.samples != self.fingerprint:  # more samples were made, for example; only their order starts over
             log.warning("checkpoint %s was trained on other samples before", path)
         if found.precision != self.precision:
-            raise SettingsError(
-                f"checkpoint {path} began with --precision {found.precision}, not {self.precision}; resume with that"
-            )
+            raise SettingsError(f"checkpoint {path} began with --precision {found.precision}; resume with that")
         try:
             self.network.load_state_dict(found.weights)
             self.mean_weights = {name: value.to(self.device) for name, value in found.mean_weights.items()}
@@ -433,9 +424,7 @@ class _Run:
     def fine_tune(self, path: Path) -> None:
         exported = read_exported(path)
         if exported.step >= self.recipe.steps:
-            raise SettingsError(
-                f"model {path} has had {exported.step} steps already, the recipe has {self.recipe.steps}; give it more"
-            )
+            raise SettingsError(f"model {path} has had {exported.step} steps of {self.recipe.steps}; give more")
         self.network.eval()
         batch = self._batch(self.simulator.batch(0, NORM_EXAMPLES), 0)
         load_exported_weights(self.network, exported, batch.inputs)

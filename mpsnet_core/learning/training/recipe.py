@@ -93,9 +93,7 @@ class TrainingConfig:
             if not _within(value, low, high):
                 raise SettingsError(f"the recipe's {name} must be from {low:g} to {high:g}, not {reprlib.repr(value)}")
         if self.warm_up + self.decay > self.steps:
-            raise SettingsError(
-                f"the recipe's warm_up and decay take {self.warm_up + self.decay} steps of {self.steps}; give it more"
-            )
+            raise SettingsError(f"the recipe's warm_up and decay are longer than its {self.steps} steps; give it more")
 
     def to_json(self) -> dict[str, Any]:
         """The recipe as plain data, for :func:`recipe_from_data`."""
@@ -121,9 +119,7 @@ def capture_model(changes: Any) -> CaptureModel:
         entries = value if isinstance(default, tuple) else [value]
         if not isinstance(entries, list | tuple) or not all(_within(entry, low, high) for entry in entries):
             wanted = f"numbers like {list(default)}" if isinstance(default, tuple) else f"a number like {default}"
-            raise SettingsError(
-                f"the recipe's capture needs {wanted} as {name}, from {low:g} to {high:g}, not {reprlib.repr(value)}"
-            )
+            raise SettingsError(f"capture needs {wanted} as {name}, of {low:g} to {high:g}, not {reprlib.repr(value)}")
         if name == "bits" and not entries:
             raise SettingsError("the recipe's capture has no bits; name at least one")
         if name != "bits" and isinstance(default, tuple) and (len(entries) != 2 or entries[0] > entries[1]):

@@ -2,10 +2,9 @@
 
 from functools import lru_cache
 from pathlib import Path
-from typing import Any, Literal, Protocol
+from typing import Literal, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mpsnet_core.arrays.types import Floats, Singles
 from mpsnet_core.errors import FileError, FormatError, SettingsError

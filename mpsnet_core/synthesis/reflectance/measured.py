@@ -69,9 +69,7 @@ def read_fits(path: StrPath) -> dict[str, MerlFit]:
     for (key, shape), layer in zip(_LAYERS.items(), layers, strict=True):
         if layer.shape != (len(names), *shape):
             expected = " by ".join(map(str, (len(names), *shape)))
-            raise FormatError(
-                f'{path} is not a file of fits to MERL: its "{key}" is {layer.shape}, expected {expected}'
-            )
+            raise FormatError(f'{path} is no file of fits to MERL: its "{key}" is {layer.shape}, not {expected}')
         if layer.dtype.kind != "f" or not np.isfinite(layer).all():
             raise FormatError(f'{path} is damaged: its "{key}" holds values that are not finite; fetch it again')
     layers = [layer.astype(np.float32) for layer in layers]

@@ -4,13 +4,11 @@ Drawing a shape gives a small JSON description with a character and a seed. The 
 same description gives the same shape.
 """
 
-import os
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mpsnet_core.arrays.types import Doubles, StrPath
 from mpsnet_core.errors import FormatError, InputError, SettingsError, check_choice
