@@ -155,7 +155,14 @@ class Capture(Shown):
             image = image.astype(np.float32, copy=False)
         if image.ndim != 3 or image.shape[2] != 3:
             raise FormatError(f"a photo has three channels per pixel; this one has shape {image.shape}")
-        self._check_sizes(mask.shape, image.shape)
+        shapes = {
+            "the mask": mask.shape,
+            "the camera": None if self.camera is None else (self.camera.height, self.camera.width),
+            "the depth": None if self.depth is None else np.shape(self.depth),
+        }
+        for name, shape in shapes.items():
+            if shape is not None:
+                check_same_size(name, shape, "the photo", image.shape[:2])
         if not mask.any():
             raise NoObject("the mask is empty: no pixel of the object is marked; choose another mask or threshold")
         if self.clipped is not None:
@@ -177,16 +184,6 @@ class Capture(Shown):
             object.__setattr__(self, "white_light", _towards_lamp(self.white_light))
         object.__setattr__(self, "image", image)
         object.__setattr__(self, "mask", mask)
-
-    def _check_sizes(self, mask: tuple[int, ...], photo: tuple[int, ...]) -> None:
-        parts = {
-            "the mask": mask,
-            "the camera": None if self.camera is None else (self.camera.height, self.camera.width),
-            "the depth": None if self.depth is None else np.shape(self.depth),
-        }
-        for name, shape in parts.items():
-            if shape is not None:
-                check_same_size(name, shape, "the photo", photo[:2])
 
     def facts(self) -> str:
         extras = (("camera", self.camera), ("depth", self.depth), ("white photo", self.white))

@@ -53,9 +53,7 @@ class Correction:
         if frame is None or ways[0] == ways[1] or turned(frame, *ways).shape[:2] != photo.pixels.shape[:2]:
             return self
         frames = {name: getattr(self, name) for name in ("dark", "gain", "unusable")}
-        shown: dict[str, Any] = {
-            name: values if values is None else turned(values, *ways) for name, values in frames.items()
-        }
+        shown: dict[str, Any] = {name: one if one is None else turned(one, *ways) for name, one in frames.items()}
         return replace(self, **shown, orientation=photo.orientation)
 
 
@@ -161,9 +159,11 @@ def _mean_frame(path: StrPath, encoding: Encoding, layer: str | None) -> Image:
     Frames of one channel are taken: what is dark, or even, has no colour.
     """
     files = expand_images([path])
-    frames = in_one_frame(
-        files, lambda file: read_image(file, encoding=encoding, layer=layer_in(file, layer), grey=True)
-    )
+
+    def read(file: StrPath) -> Image:
+        return read_image(file, encoding=encoding, layer=layer_in(file, layer), grey=True)
+
+    frames = in_one_frame(files, read)
     mean = next(frames)
     total, clipped = mean.pixels, mean.saturated
     for image in frames:

@@ -147,9 +147,7 @@ def _encoding(encoding_evidence: float) -> Finding:
         words = "the file does not state its colour encoding; nothing contradicts the usual one"
         return Finding("encoding", level, words, figures)
     likely = "is not" if level == "bad" else "may not be"
-    words = (
-        f"the file does not state its colour encoding, and by its shading it {likely} the usual one; set the encoding "
-    )
+    words = f"the file does not state its colour encoding, and by its shading it {likely} the usual one; set it "
     return Finding("encoding", level, words + "to linear or srgb (--encoding) [transfer-curve]", figures)
 
 
@@ -222,11 +220,8 @@ def _lights(rig: LightRig) -> Finding:
     angles = np.array([angular_error(rig.directions[one], rig.directions[other]) for one, other in pairs])
     first, second = (CHANNELS[light] for light in pairs[int(angles.argmin())])
     condition, lowest = float(np.linalg.cond(rig.directions)), int(rig.slants.argmax())
-    figures: Figures = {
-        "apart_deg": _listed(angles),
-        "slants_deg": _listed(rig.slants),
-        "condition": round(condition, 2),
-    }
+    figures: Figures = {"apart_deg": _listed(angles), "slants_deg": _listed(rig.slants)}
+    figures["condition"] = round(condition, 2)
     close, low = _level(float(angles.min()), CLOSE_LIGHTS), _level(float(rig.slants[lowest]), LOW_LIGHTS)
     in_line = _level(condition, IN_LINE)
     level = _worse(close, low, in_line)

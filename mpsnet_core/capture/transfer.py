@@ -54,15 +54,11 @@ def warn_of_transfer_curve(name: str, assumed: Assumed, *, decided: bool) -> Non
     other = other_encoding(assumed)
     usual, likely = WORDS[assumed], "sRGB" if other == "srgb" else "LINEAR"
     if decided:
-        words = (
-            f"was READ AS {likely}, because read as {usual} its normals would fit no single surface; if it is {usual}, "
-        )
+        words = f"was READ AS {likely}: read as {usual} its normals would fit no surface; if it is {usual}, "
         words += f"set the encoding to {assumed} (--encoding {assumed})"
     else:
-        words = (
-            f"was read as {usual}, but MAY BE {likely}; if so, set the encoding to {other} (--encoding {other}): the "
-        )
-        words += "wrong curve turns normals by ten degrees and more"
+        words = f"was read as {usual}, but MAY BE {likely}; if so, set the encoding to {other} (--encoding {other}): "
+        words += "the wrong curve turns normals by ten degrees and more"
     log.warning("%s does not state its colour encoding and %s [transfer-curve]", name, words)
 
 

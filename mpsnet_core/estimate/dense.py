@@ -79,9 +79,8 @@ def predict_dense(network: NetworkRunner, card: ModelCard, capture: Capture, til
         work = list(_tiles(shape, tile, card.multiple, card.halo))
         for number, (window, place) in enumerate(work):
             if previous is not None:  # free the rows that no further tile reads
-                previous.resize(
-                    (_window_on_previous_scale(window, previous)[0].stop, *previous.shape[1:]), refcheck=False
-                )
+                rows, _ = _window_on_previous_scale(window, previous)
+                previous.resize((rows.stop, *previous.shape[1:]), refcheck=False)
             progress(_share_done(halving, halvings, number / len(work)), f"tile {number + 1} of {len(work)}")
             if photo.holds_object(place, halving):
                 inner, crop = _relative_to_window(place, window), photo.crop(window, halving, previous)
@@ -108,12 +107,9 @@ def _magnified(capture: Capture, crop: PhotoCrop, times: float) -> Capture:
     shape = round(crop.mask.shape[0] * times), round(crop.mask.shape[1] * times)
     light = _resized(crop.light, crop.mask, shape)
     rows, columns = chosen_pixels(*shape, *crop.mask.shape)
-    return Capture(
-        light,
-        crop.mask[rows][:, columns],
-        replace(capture.rig, mixing=np.eye(3)),
-        white=light if crop.grey else None,  # only marks that the white photo has been applied already
-    )
+    rig = replace(capture.rig, mixing=np.eye(3))
+    # The white photo only marks that it has been applied already.
+    return Capture(light, crop.mask[rows][:, columns], rig, white=light if crop.grey else None)
 
 
 def _resized(values: Singles, mask: Bools, shape: tuple[int, int]) -> Singles:
@@ -172,12 +168,10 @@ class _Photo:
         rows = max(1, READ_AT_ONCE // (shape[1] << 2 * halving))
         for top in range(0, shape[0], rows):
             part = slice(top, min(top + rows, shape[0]))
-            pixels_of_part = self._photo_pixels(
-                slice(window[0].start + part.start, window[0].start + part.stop), window[1], halving
-            )
-            inside = self.capture.mask[pixels_of_part]
-            pixels = self.capture.image[pixels_of_part].astype(np.float32, copy=False)
-            image[part], mask[part] = means_inside(pixels, inside, halving)
+            own = slice(window[0].start + part.start, window[0].start + part.stop)
+            place = self._photo_pixels(own, window[1], halving)
+            pixels = self.capture.image[place].astype(np.float32, copy=False)
+            image[part], mask[part] = means_inside(pixels, self.capture.mask[place], halving)
         return self.capture.rig.unmixed(image), mask
 
     def _photo_pixels(self, rows: slice, columns: slice, halving: int) -> Window:
@@ -274,15 +268,9 @@ def _in_frame(crop: PhotoCrop, frame: LightFrame, multiple: int) -> PhotoCrop:
     if crop.previous is not None:
         previous = picture(crop.previous)
         previous[..., :3] = previous[..., :3] @ frame.rotation.T.astype(np.float32)
-    return PhotoCrop(
-        picture(crop.light)[..., order],
-        picture(crop.mask),
-        frame.lights(crop.directions),
-        crop.means[order],
-        previous,
-        crop.is_ground_truth,
-        crop.grey,
-    )
+    light, mask = picture(crop.light)[..., order], picture(crop.mask)
+    lights, means = frame.lights(crop.directions), crop.means[order]
+    return crop._replace(light=light, mask=mask, directions=lights, means=means, previous=previous)
 
 
 def _padded(shape: tuple[int, ...], multiple: int) -> tuple[int, ...]:
@@ -297,10 +285,8 @@ def _tiles(shape: tuple[int, int], tile: int, grain: int, halo: int) -> Iterator
     down, right = (_step(length, max(1, tile // grain) * grain, grain, reach) for length in shape)
 
     def grown(top: int, left: int, by: int) -> Window:
-        return (
-            slice(max(top - by, 0), min(top + down + by, height)),
-            slice(max(left - by, 0), min(left + right + by, width)),
-        )
+        rows = slice(max(top - by, 0), min(top + down + by, height))
+        return rows, slice(max(left - by, 0), min(left + right + by, width))
 
     for top in reversed(range(0, height, down)):
         for left in range(0, width, right):

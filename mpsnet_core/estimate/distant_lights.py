@@ -61,12 +61,8 @@ def _relight(capture: Capture, *, rotate: bool) -> Capture:
             normals = _rotate(normals, _rotation_to_z(capture.camera, rows))
         lit = normals @ capture.rig.directions.T
         image[rows] = np.where(capture.mask[rows, :, None], np.maximum(lit, 0) if rotate else lit, 0)
-    return replace(
-        capture,
-        image=image,
-        rig=LightRig(capture.rig.directions, is_ground_truth=capture.rig.is_ground_truth),
-        clip=np.inf,
-    )
+    rig = LightRig(capture.rig.directions, is_ground_truth=capture.rig.is_ground_truth)
+    return replace(capture, image=image, rig=rig, clip=np.inf)
 
 
 def bands_with_lights(capture: Capture) -> Iterator[tuple[slice, Doubles]]:
@@ -95,9 +91,8 @@ def pseudo_normals(light: Floats, lights: Floats) -> Doubles:
     volume = dot(first, across)[..., None]
     # Three lights in one plane determine no normal; keep the division finite.
     volume = np.where(np.abs(volume) < 1e-9, 1e-9, volume)
-    return (
-        light[..., :1] * across + light[..., 1:2] * np.cross(third, first) + light[..., 2:] * np.cross(first, second)
-    ) / volume
+    others = light[..., 1:2] * np.cross(third, first) + light[..., 2:] * np.cross(first, second)
+    return (light[..., :1] * across + others) / volume
 
 
 def pseudo_normals_by_light(light: Floats, lights: Floats) -> Doubles:

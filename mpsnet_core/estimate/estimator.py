@@ -55,14 +55,10 @@ def remove_fireflies(capture: Capture) -> Capture:
     for band in bands(len(image)):
         rows, columns, channels = np.nonzero((image[band] > least) & mask[band, :, None])
         rows += band.start
-        around = [
-            capture.image[
-                _mirrored_indices(rows + down, image.shape[0]),
-                _mirrored_indices(columns + right, image.shape[1]),
-                channels,
-            ]
-            for down, right in AROUND
-        ]
+        around = []
+        for down, right in AROUND:
+            y, x = _mirrored_indices(rows + down, image.shape[0]), _mirrored_indices(columns + right, image.shape[1])
+            around.append(capture.image[y, x, channels])
         usual = np.sort(around, axis=0)[-RANK]
         found = image[rows, columns, channels] > TIMES * usual
         if found.any():
@@ -215,14 +211,10 @@ def usable_channels(capture: Capture) -> Bools:
     def light(rows: slice) -> Singles:
         return capture.rig.unmixed(capture.image[rows])
 
-    bright = [
-        np.percentile(
-            np.concatenate([light(rows)[..., channel][capture.mask[rows]] for rows in everywhere]),
-            99,
-            overwrite_input=True,
-        )
-        for channel in range(3)
-    ]
+    bright = []
+    for channel in range(3):
+        values = np.concatenate([light(rows)[..., channel][capture.mask[rows]] for rows in everywhere])
+        bright.append(np.percentile(values, 99, overwrite_input=True))
     least = SHADOW_SHARE * np.array(bright)
     for rows in everywhere:
         usable[rows] = (light(rows) > least) & ~capture.saturated_lights_in(rows)

@@ -145,14 +145,8 @@ class PhotoCrop(NamedTuple):
 
 def feature_maps(capture: Capture, names: Iterable[str]) -> dict[str, Singles]:
     """The named maps of a whole photo, each (C, H, W) float32 and zero outside the mask; constants are (C, 1, 1)."""
-    crop = PhotoCrop(
-        capture.rig.unmixed(capture.image),
-        capture.mask,
-        capture.rig.directions,
-        mean_light(capture),
-        is_ground_truth=capture.rig.is_ground_truth,
-        grey=capture.white is not None,
-    )
+    light, rig, grey = capture.rig.unmixed(capture.image), capture.rig, capture.white is not None
+    crop = PhotoCrop(light, capture.mask, rig.directions, mean_light(capture), None, rig.is_ground_truth, grey)
     return {name: feature_map(name, crop) for name in names}
 
 

@@ -359,26 +359,16 @@ def _metadata(session: onnxruntime.InferenceSession) -> dict[str, str]:
 
 
 def _check_fit(session: onnxruntime.InferenceSession, card: ModelCard) -> None:
-    nodes = {node.name: node for node in session.get_inputs()}
+    nodes, patches = {node.name: node for node in session.get_inputs()}, card.kind == "patch"
     if set(nodes) != set(card.inputs):
         raise FormatError(f"it has inputs {sorted(nodes)}, its card describes {sorted(card.inputs)}")
     for name, node in nodes.items():
-        channels = channel_count(card.inputs[name])
-        side: int | str = card.patch if card.kind == "patch" else "any"
-        if CONSTANTS.intersection(card.inputs[name]):
-            side = 1
-        expected = ["any", channels, side, side]
+        side: int | str = 1 if CONSTANTS.intersection(card.inputs[name]) else card.patch if patches else "any"
+        expected = ["any", channel_count(card.inputs[name]), side, side]
         shape = ["any" if not isinstance(size, int) else size for size in node.shape]
-        fits = len(shape) == 4 and all(
-            want in (have, "any") or have == "any" for want, have in zip(expected, shape, strict=True)
-        )
-        if not fits or (shape[1] != channels) or node.type != "tensor(float)":
-            raise FormatError(f"input {name!r} is {node.type} {shape}, not tensor(float) {expected}; see the card")
         # Dense networks run on one tile at a time, so a batch fixed at 1 is harmless.
-        batch_fits = shape[0] == "any" or (card.kind != "patch" and shape[0] == 1)
-        if not batch_fits or any(
-            have != want for have, want in zip(shape[1:], expected[1:], strict=True) if want == "any"
-        ):
-            raise FormatError(f"input {name!r} has the fixed size {shape}, not {expected}: export with dynamic sizes")
+        fits = len(shape) == 4 and shape[0] in (("any",) if patches else ("any", 1)) and shape[1] == expected[1]
+        if node.type != "tensor(float)" or not fits or not {*shape[2:]} <= {side, "any"}:
+            raise FormatError(f"input {name!r} is {node.type} {shape}, not tensor(float) {expected}; export it so")
     if "normals" not in [node.name for node in session.get_outputs()]:
         raise FormatError('it has no output called "normals"')

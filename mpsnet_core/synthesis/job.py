@@ -114,18 +114,9 @@ class SampleJob:
 
     def _check_together(self) -> None:
         """Check settings that depend on each other."""
-        if ("meshes" in self.shapes) != bool(self.meshes):
-            raise SettingsError(
-                "the job takes shapes from meshes but has no folder of them; name one"
-                if "meshes" in self.shapes
-                else f"the job has a folder of meshes, {self.meshes}, but no shapes from it; add meshes to its shapes"
-            )
-        if ("scene" in self.shapes) != bool(self.objects):
-            raise SettingsError(
-                "the job takes shapes from a scene but names no objects; name some"
-                if "scene" in self.shapes
-                else "the job names objects of a scene but takes no shapes from it; add scene to its shapes"
-            )
+        for kind, what, named in (("meshes", "folder", self.meshes), ("scene", "objects", self.objects)):
+            if (kind in self.shapes) != bool(named):
+                raise SettingsError(f"the job's shapes have {kind} where it names their {what}; name both, or neither")
         if self.renderer == "synthesis" and "scene" in self.shapes:
             raise SettingsError("a scene's objects are rendered by Blender alone; take other shapes for synthesis")
         if self.renderer == "synthesis" and self.bounces > MAX_BOUNCES:

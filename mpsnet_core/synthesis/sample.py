@@ -102,17 +102,8 @@ def write_sample(path: StrPath, sample: Sample) -> None:
     spec.attribute("compression", "zip:2")  # as small as zip:4 in two thirds of the time
     spec.attribute("DateTime", _NO_DATE)
     spec.attribute("oiio:ColorSpace", "raw")
-    spec.attribute(
-        METADATA,
-        json.dumps(
-            {
-                "version": SAMPLE_VERSION,
-                "renderer": sample.renderer,
-                "lit_fractions": sample.lit_fractions,
-                "recipe": sample.recipe.data(),
-            }
-        ),
-    )
+    about = {"version": SAMPLE_VERSION, "renderer": sample.renderer, "lit_fractions": sample.lit_fractions}
+    spec.attribute(METADATA, json.dumps({**about, "recipe": sample.recipe.data()}))
     with atomic_write(path) as unfinished:
         target = oiio.ImageOutput.create(str(unfinished))
         assert target is not None
@@ -165,16 +156,9 @@ def read_sample(path: StrPath) -> Sample:
     }.items():
         if found:
             raise _damaged(path, fault)
-    return Sample(
-        lights=lights,
-        normals=np.where((alpha > 0)[..., None], normalised(normals), np.float32(0)),
-        depth=depth,
-        alpha=np.clip(alpha, 0, 1),
-        material=material.astype(np.int32),
-        lit=np.clip(lit, 0, 1),
-        recipe=recipe,
-        renderer=data["renderer"],
-    )
+    normals = np.where((alpha > 0)[..., None], normalised(normals), np.float32(0))
+    alpha, lit, material = np.clip(alpha, 0, 1), np.clip(lit, 0, 1), material.astype(np.int32)
+    return Sample(lights, normals, depth, alpha, material, lit, recipe, data["renderer"])
 
 
 def read_sample_data(path: StrPath) -> dict[str, Any]:

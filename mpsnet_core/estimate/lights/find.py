@@ -248,10 +248,8 @@ class _Fit:
 
     def residuals(self, number: int, values: Doubles) -> Doubles:
         """Of a photo: the sum of their squares is the negative logarithm of the probability, doubled."""
-        found = []
-        for one, width, count in zip(
-            self.measures(number, values), self.widths[number], (CURL, ALBEDO, OUTLINE, OUTLINE), strict=True
-        ):
+        found, counts = [], (CURL, ALBEDO, OUTLINE, OUTLINE)
+        for one, width, count in zip(self.measures(number, values), self.widths[number], counts, strict=True):
             weight = count / max(len(one), 1)
             found.append(np.sign(one) * np.sqrt(weight * np.log1p((one / width) ** 2)))
         return np.concatenate([*found, np.array([*values[6:], values[6:].sum()]) / STRENGTHS])
@@ -378,10 +376,8 @@ def find_lights(photos: Sequence[tuple[Floats, Bools]]) -> FoundLights:
     try:
         return FoundLights(LightRig(found.directions), np.degrees(found.errors))
     except GeometryError:
-        raise GeometryError(
-            "the photo's channels seem to show lights from one side, which do not determine a normal; light the object "
-            "from three sides, or give the rig"
-        ) from None
+        words = "the photo's channels seem to show lights from one side; light it from three sides, or give the rig"
+        raise GeometryError(words) from None
 
 
 def find_lights_of(sources: Sequence[Source], options: PhotoReadOptions) -> FoundLights:
@@ -424,13 +420,11 @@ def _opened(
     for source in sources:
         try:
             shot = photos.masked(source)
+            if not shot.mask.any():
+                raise NoObject(f"{source}: the mask is empty: no pixel of the object is marked")
+            found.append((shot.image.pixels, shot.mask))
         except InputError as error:
             failure = error
-        else:
-            if shot.mask.any():
-                found.append((shot.image.pixels, shot.mask))
-            else:
-                failure = NoObject(f"{source}: the mask is empty: no pixel of the object is marked")
     if not found and failure:
         raise failure
     return found, photos.options

@@ -271,11 +271,17 @@ class _Run:
 
     def run(self, frames: Iterable[Frame], smooth: int, step: int) -> Outcome:
         outcome = self.outcome
-        steps = _plan(_after_cleanup(frames), self.recipe, smooth * step)
+        steps = _plan(frames, self.recipe, smooth * step)
         try:
-            with closing(_prefetch(self._captures(steps))) as captures, _BackgroundWriter() as writer:
+            with closing(_prefetch(self._captures(steps))) as captures, ThreadPoolExecutor(1, "mpsnet-write") as writer:
+                writing: deque[Future[None]] = deque()
                 for number, normals in smoothed(self._estimates(captures), smooth, step):
-                    writer.run(self._write, self.unwritten.pop(number), normals)
+                    frame = self.unwritten.pop(number)
+                    writing.append(writer.submit(copy_context().run, self._write, frame, normals))
+                    while len(writing) > AHEAD:
+                        writing.popleft().result()
+                for written in writing:
+                    written.result()
         except InputError as error:
             if not outcome.made:
                 raise
@@ -357,19 +363,16 @@ class _Step:
     """Whether to read it, for its own output or for another's."""
 
 
-def _after_cleanup(frames: Iterable[Frame]) -> Iterator[Frame]:
-    """The frames, after removing unfinished files of killed runs from their folder."""
-    for number, frame in enumerate(frames):
-        if number == 0:
-            remove_abandoned(frame.output.parent)
-        yield frame
-
-
 def _plan(frames: Iterable[Frame], recipe: str, span: int) -> Iterator[_Step]:
-    """What to do with each frame, delayed by `span` numbers, because a later output may need it."""
+    """What to do with each frame, delayed by `span` numbers, because a later output may need it.
+
+    First removes unfinished files of killed runs from their folder.
+    """
     waiting: deque[_Step] = deque()
     last_stale: int | None = None
-    for frame in frames:
+    for place, frame in enumerate(frames):
+        if place == 0:
+            remove_abandoned(frame.output.parent)
         while waiting and waiting[0].frame.number < frame.number - span:
             yield waiting.popleft()
         stale = not is_up_to_date(frame.output, _line(frame, recipe))
@@ -407,26 +410,3 @@ def _prefetch(items: Generator[T, None, None]) -> Generator[T, None, None]:
     finally:
         reader.shutdown(cancel_futures=True)
         items.close()
-
-
-class _BackgroundWriter:
-    """Runs work in a thread, in order, with at most AHEAD jobs waiting. Leaving the context waits for all of it."""
-
-    def __init__(self) -> None:
-        self._worker = ThreadPoolExecutor(1, "mpsnet-write")
-        self._pending: deque[Future[None]] = deque()
-
-    def run(self, work: Callable[..., None], *arguments: object) -> None:
-        """Schedule `work`. Raises the exception of earlier work, if any."""
-        self._pending.append(self._worker.submit(copy_context().run, work, *arguments))
-        while len(self._pending) > AHEAD:
-            self._pending.popleft().result()
-
-    def __enter__(self) -> "_BackgroundWriter":
-        return self
-
-    def __exit__(self, *error: object) -> None:
-        self._worker.shutdown()
-        if error[0] is None:
-            for work in self._pending:
-                work.result()
