@@ -126,9 +126,8 @@ def find_lights(sightings: Sequence[Sighting]) -> LightsFound:
     precision = 1 / blur**2
     mean = normalised(np.einsum("pni,pn->ni", rays, precision))
     # The effect of the lens is the same at all places, so averaging does not reduce it.
-    unsure = np.hypot(
-        1 / np.sqrt(precision.sum(axis=0)), np.mean([sighting.by_lens() for sighting in sightings], axis=0)
-    )
+    by_lens = np.mean([sighting.by_lens() for sighting in sightings], axis=0)
+    unsure = np.hypot(1 / np.sqrt(precision.sum(axis=0)), by_lens)
     found = LightsFound(tuple(sightings), mean, unsure, target)
     if len(sightings) == 1:
         return found
@@ -151,11 +150,7 @@ def _with_positions(found: LightsFound, origins: Doubles, rays: Doubles, spreads
     unsure_lights = ~ahead | (errors > UNSURE * distance)
     if unsure_lights.any():
         names = ", ".join(str(k + 1) for k in np.flatnonzero(unsure_lights))
-        log.info(
-            "light %s: the rays from the ball's places are nearly parallel, so it is far away; only "
-            "directions were found",
-            names,
-        )
+        log.info("light %s is far away: its rays are nearly parallel, so only directions were found", names)
         return _with_spread(found, rays)
     for k in np.flatnonzero(gaps > MISSED * errors):
         log.warning(

@@ -81,16 +81,9 @@ class UsesBall(ReadsPhotos, HasLens):
 
         if self.circle and self.mask:
             raise SettingsError("--circle and --mask both define where the ball or card is; give one of them")
-        return BallPhotos(
-            files,
-            [Circle(*_numbers(text, "--circle")) for text in self.circle],
-            Path(self.mask) if self.mask else None,
-            camera=self.lens(),
-            radius=1.0 if self.radius is None else self.radius,
-            options=self.read_options(),
-            balls=balls,
-            mirror=mirror,
-        )
+        circles = [Circle(*_numbers(text, "--circle")) for text in self.circle]
+        mask, radius = Path(self.mask) if self.mask else None, 1.0 if self.radius is None else self.radius
+        return BallPhotos(files, circles, mask, balls, radius, self.lens(), self.read_options(), mirror)
 
     def _write_json(self, result: Result) -> None:
         from mpsnet_core.io.files import write_json
@@ -246,14 +239,8 @@ class CalibrateLights(UsesBall):
         if len(circles) % places:
             raise SettingsError(f"there are {len(circles)} circles for {places} places; give as many for each")
         share, each = len(files) // places, len(circles) // places
-        return [
-            replace(
-                photos,
-                files=files[place * share : (place + 1) * share],
-                circles=circles[place * each : (place + 1) * each],
-            )
-            for place in range(places)
-        ]
+        of_place = [(slice(k * share, (k + 1) * share), slice(k * each, (k + 1) * each)) for k in range(places)]
+        return [replace(photos, files=files[own], circles=circles[drawn]) for own, drawn in of_place]
 
     def _write_rig(self, found: "LightsFound", chosen: _Chosen) -> None:
         from mpsnet_core.scene.rig import LightRig, near_rig, write_lp, write_rig
@@ -439,16 +426,10 @@ class CalibrateMixing(UsesBall):
         from mpsnet_core.calibrate.report import ball_facts, mixing_lines
 
         balls = [] if found.ball is None else [ball_facts(found.ball)]
-        return MixingCalibrated(
-            self.output,
-            self.overlay,
-            found.mixing.tolist(),
-            ambient=found.ambient.tolist(),
-            equation_2_error=off,
-            balls=balls,
-            text="\n".join([f"{self.output}:", *mixing_lines(found, off), *map(str, balls)]),
-            **{name: getattr(found, name) for name in ("residual", "pixels", "left_out", "determined", "uncertainty")},
-        )
+        same = {name: getattr(found, name) for name in ("residual", "pixels", "left_out", "determined", "uncertainty")}
+        same |= {"mixing": found.mixing.tolist(), "ambient": found.ambient.tolist(), "equation_2_error": off}
+        text = "\n".join([f"{self.output}:", *mixing_lines(found, off), *map(str, balls)])
+        return MixingCalibrated(self.output, self.overlay, balls=balls, text=text, **same)
 
 
 # --- words and files --------------------------------------------------------------------------------------------------

@@ -52,13 +52,8 @@ def lights_picture(image: Singles, sighting: Sighting, directions: Doubles, name
         tip = (circle.x + circle.radius * direction[0], circle.y - circle.radius * direction[1])
         canvas.arrow((circle.x, circle.y), tip, colour)
         canvas.ring(Circle(spot.x, spot.y, spot.radius + 2.0), colour)
-        slant, tilt = angles_of(direction)
-        canvas.label(
-            f"{name}: slant {slant:.1f}°, tilt {tilt:.1f}°",
-            tip,
-            colour,
-            side="left" if direction[0] < -0.05 else "right",
-        )
+        words = "{}: slant {:.1f}°, tilt {:.1f}°".format(name, *angles_of(direction))
+        canvas.label(words, tip, colour, side="left" if direction[0] < -0.05 else "right")
     return canvas.pixels
 
 
@@ -250,22 +245,15 @@ def lights_facts(found: LightsFound, names: Sequence[str], files: Sequence[Path]
 
 def _light_facts(light: LightFacts, found: LightsFound, k: int) -> LightFacts:
     spots = [sighting.highlights[k] for sighting in found.sightings]
-    light = replace(
-        light,
-        uncertainty=float(found.uncertainties[k]),
-        highlights=[
-            HighlightFacts(number, spot.x, spot.y, spot.radius, spot.clipped, spot.rival, list(spot.colour))
-            for number, spot in enumerate(spots)
-        ],
-    )
+    highlights = [
+        HighlightFacts(number, spot.x, spot.y, spot.radius, spot.clipped, spot.rival, list(spot.colour))
+        for number, spot in enumerate(spots)
+    ]
+    light = replace(light, uncertainty=float(found.uncertainties[k]), highlights=highlights)
     if found.positions is None or found.position_uncertainties is None or found.gaps is None:
         return light
-    return replace(
-        light,
-        position=found.positions[k].tolist(),
-        position_uncertainty=float(found.position_uncertainties[k]),
-        gap=float(found.gaps[k]),
-    )
+    unsure, gap = float(found.position_uncertainties[k]), float(found.gaps[k])
+    return replace(light, position=found.positions[k].tolist(), position_uncertainty=unsure, gap=gap)
 
 
 def ball_facts(ball: Ball) -> BallFacts:

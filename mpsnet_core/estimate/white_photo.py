@@ -75,9 +75,7 @@ class WhitePhoto(NamedTuple):
         of the white photo is black, or too few pixels are bright.
         """
         identity, inverse = np.eye(3), np.linalg.inv(mixing)
-        orders = (
-            [(identity, inverse)] if np.array_equal(mixing, identity) else [(identity, inverse), (inverse, identity)]
-        )
+        orders = [(identity, inverse), (inverse, identity)][: 1 if np.array_equal(mixing, identity) else 2]
         found: list[tuple[float, WhitePhoto]] = []
         for unmixing_before, unmixing_after in orders:
             photo_values, white_values = photo @ unmixing_before.T, white @ unmixing_before.T

@@ -92,10 +92,8 @@ def summarise(files: Sequence[StrPath], progress: Progress = silent) -> FolderSu
         renderers[data["renderer"]] = renderers.get(data["renderer"], 0) + 1
         shares.append(data["lit_fractions"])
     table = np.array(shares, np.float64).reshape(-1, 4)
-    mean = table.mean(axis=0) if len(table) else np.zeros(4)
-    return FolderSummary(
-        len(table), renderers, tuple(mean.tolist()), tuple((table >= SHOWN).sum(axis=0).tolist()), skipped
-    )
+    mean, shown = table.mean(axis=0) if len(table) else np.zeros(4), (table >= SHOWN).sum(axis=0)
+    return FolderSummary(len(table), renderers, tuple(mean.tolist()), tuple(shown.tolist()), skipped)
 
 
 def spread(files: Sequence[Path], count: int) -> list[Path]:

@@ -105,15 +105,13 @@ class RunsWorkers(Operation):
         """
         from mpsnet_core.synthesis.farm.run import SYNTHESIS_COMMAND, blender_command, make_samples
 
-        outcome = make_samples(
-            folder,
-            job,
-            SYNTHESIS_COMMAND if job.renderer == "synthesis" else blender_command(blender, addon),
-            processes=self.processes,
-            cluster=self.cluster,
-            cluster_trusted=self.cluster_trusted,
-            progress=progress,
-        )
+        command = SYNTHESIS_COMMAND if job.renderer == "synthesis" else blender_command(blender, addon)
+        where: dict[str, Any] = {
+            "processes": self.processes,
+            "cluster": self.cluster,
+            "cluster_trusted": self.cluster_trusted,
+        }
+        outcome = make_samples(folder, job, command, **where, progress=progress)
         facts = f"{outcome.made} made, {outcome.there} there already"
         if outcome.failed:
             number, sentence = min(outcome.failed.items())
@@ -279,9 +277,8 @@ class ShowSamples(Operation):
         paths: list[Path] = []
         for given in self.path:
             # The Windows shell does not expand patterns.
-            paths += (
-                matching_files(given) if is_folder_or_pattern(given) and not Path(given).is_dir() else [Path(given)]
-            )
+            matched = is_folder_or_pattern(given) and not Path(given).is_dir()
+            paths += matching_files(given) if matched else [Path(given)]
         first = paths[0]
         # In the current folder: that of the samples may be another person's.
         output = writable_path(self.output or f"{resolved(first).stem}_sheet.png")

@@ -120,10 +120,7 @@ def draw_scene(job: SampleJob, number: int) -> SceneDescription:
         paint=_paint(rng, PAINT_SHARE if finish in ("mixed", "metal") else 0.0),
         dirt=_dirt(rng, DIRT_SHARE if finish in ("mixed", "metal") else 0.0),
         bump=_bump(rng, ENGRAVED_SHARE if finish == "metal" else BUMP_SHARE),
-        bounces=min(
-            job.bounces,
-            choice(rng, range(4), BOUNCE_SHARES_IN_HOLLOWS if shape["kind"] == "hollows" else BOUNCE_SHARES),
-        ),
+        bounces=_bounces(rng, job, BOUNCE_SHARES_IN_HOLLOWS if shape["kind"] == "hollows" else BOUNCE_SHARES),
     )
 
 
@@ -146,13 +143,11 @@ def _paper_scene(job: SampleJob, number: int, rng: np.random.Generator, shape: d
         shape=shape,
         rotation=_rotation(rng, shape["pose"]),
         camera=_camera(rng, job.size),
-        light_directions=_published_directions(
-            rng, PUBLISHED_RIGS[:1] if job.style == "paper-one-rig" else PUBLISHED_RIGS
-        ),
+        light_directions=_published_directions(rng, PUBLISHED_RIGS[: 1 if job.style == "paper-one-rig" else None]),
         light_sizes=np.zeros(3),
         materials=tuple(Material(kind=kind, source=source) for kind, source in chosen),
         pattern=pattern,
-        bounces=min(job.bounces, choice(rng, range(4), BOUNCE_SHARES)),
+        bounces=_bounces(rng, job, BOUNCE_SHARES),
     )
 
 
@@ -162,6 +157,10 @@ def _draw_shape(job: SampleJob, number: int) -> dict[str, Any]:
     if kind == "scene":
         return {"kind": "scene", "pose": "upright"}
     return draw_shape(rng, kind, mesh_files(job.meshes) if kind == "meshes" else ())
+
+
+def _bounces(rng: np.random.Generator, job: SampleJob, shares: Sequence[float]) -> int:
+    return min(job.bounces, choice(rng, range(4), shares))
 
 
 # --- poses, camera and lights -----------------------------------------------------------------------------------------

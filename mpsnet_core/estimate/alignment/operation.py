@@ -179,10 +179,9 @@ class Align(RunsModel, TakesMesh, ReadsPhotos):
 
         focal = stated_focal(self.image)
         if focal is not None:
+            name = Path(self.image).name
             log.info(
-                "%s states a lens of %.0f mm (EXIF), from which the search starts; give the lens if it is another",
-                Path(self.image).name,
-                focal,
+                "%s states a lens of %.0f mm, where the search starts; give the lens if it is another", name, focal
             )
         return focal
 
@@ -217,9 +216,7 @@ class Align(RunsModel, TakesMesh, ReadsPhotos):
             free = Camera("perspective", width, height, np.full(2, max(height, width) * likely))
             begin = crop.camera(lens or free)
             usual = float(begin.focal[0]) * USUAL_FOCAL / likely if stated else None
-            fits = search_cameras(
-                estimate, faces, begin, fix_focal=fixed, usual_focal=usual, count=CANDIDATES, progress=rest
-            )
+            fits = search_cameras(estimate, faces, begin, CANDIDATES, fix_focal=fixed, usual_focal=usual, progress=rest)
         else:
             begin = crop.camera(rough)
             if by_points is None:
@@ -265,9 +262,7 @@ class Align(RunsModel, TakesMesh, ReadsPhotos):
             if self.overlay:
                 write_picture(self.overlay, self._picture(capture, faces, fits, pairs, left_out))
         progress(1.0, "done")
-        residuals = (
-            None if pairs is None else [round(float(one), 2) for one in reprojection_errors(best.camera, *pairs)]
-        )
+        residuals = None if pairs is None else reprojection_errors(best.camera, *pairs).round(2).tolist()
         return CameraFound(
             self.output,
             round(best.outline, 2),
@@ -291,11 +286,8 @@ class Align(RunsModel, TakesMesh, ReadsPhotos):
         elif poor:
             log.warning("%s; look at the overlay, and give points, or another mask or mesh [poor-alignment]", quality)
         elif len(fits) > 1 and fits[1].cost < AMBIGUOUS * fits[0].cost:
-            log.warning(
-                "another view fits nearly as well, that of %s; look at the overlay, give points if it is wrong "
-                "[poor-alignment]",
-                self._others()[0].name,
-            )
+            words = "another view fits nearly as well, that of %s; look at the overlay, give points if it is wrong "
+            log.warning(words + "[poor-alignment]", self._others()[0].name)
 
     def _picture(
         self,
@@ -412,9 +404,8 @@ class _ObjectCrop:
     def whole(self, fit: "Fit") -> "Fit":
         """The fit in the photo, from the fit in the part."""
         centre = fit.camera.centre * self.factor + (self.columns.start, self.rows.start)
-        camera = replace(
-            fit.camera, width=self.width, height=self.height, focal=fit.camera.focal * self.factor, centre=centre
-        )
+        focal = fit.camera.focal * self.factor
+        camera = replace(fit.camera, width=self.width, height=self.height, focal=focal, centre=centre)
         return replace(fit, camera=camera, outline=fit.outline * self.factor)
 
 

@@ -174,9 +174,8 @@ def _local(poses: Poses, scene: RayScene) -> Poses:
 
 
 def _world(local: Poses, scene: RayScene) -> Poses:
-    return Poses(
-        local.rotation, local.translation * scene.size - local.rotation @ scene.middle, local.focal, local.centre
-    )
+    translation = local.translation * scene.size - local.rotation @ scene.middle
+    return Poses(local.rotation, translation, local.focal, local.centre)
 
 
 def _scale(estimate: NormalMap, longest: int) -> _Scale:
@@ -209,11 +208,8 @@ def _motion(image: SeenFaces, focal: float, step: Floats) -> float:
     """Mean distance in the photo's pixels by which a step moves the mesh's image."""
     points = image.points[image.mask]
     points = points[:: len(points) // MOTION_POINTS + 1]
-    return (
-        float(np.linalg.norm(flow(points, np.full(len(points), focal)) @ step[0], axis=1).mean())
-        if len(points)
-        else 0.0
-    )
+    moved = np.linalg.norm(flow(points, np.full(len(points), focal)) @ step[0], axis=1)
+    return float(moved.mean()) if len(points) else 0.0
 
 
 def _step(scale: _Scale, image: SeenFaces, local: Poses, first: float, fix_focal: bool) -> Floats:
@@ -250,13 +246,11 @@ def _outline_terms(scale: _Scale, image: SeenFaces, focal: float) -> list[tuple[
     if not len(mine):
         return []
     moving = flow(points, np.full(len(points), focal)) / scale.factor
-    terms = []
-    near = _nearest(mine, scale.outline)
-    terms.append((mine - scale.outline[near], scale.across[near], moving, across))
-    back = _nearest(scale.outline, mine)
-    terms.append((mine[back] - scale.outline, scale.across, moving[back], across[back]))
-    found = []
-    for offset, along, by, own in terms:
+    near, back, found = _nearest(mine, scale.outline), _nearest(scale.outline, mine), []
+    for offset, along, by, own in (
+        (mine - scale.outline[near], scale.across[near], moving, across),
+        (mine[back] - scale.outline, scale.across, moving[back], across[back]),
+    ):
         residual = (offset * along).sum(axis=1) / OUTLINE_SIGMA
         jacobian = np.einsum("nc,ncp->np", along, by) / OUTLINE_SIGMA
         # Outlines with different normals do not correspond.

@@ -28,10 +28,10 @@ def search_cameras(
     photo: PhotoPyramid,
     faces: MeshFaces,
     lens: Camera,
+    count: int = 3,
     *,
     fix_focal: bool = False,
     usual_focal: float | None = None,
-    count: int = 3,
     progress: Progress = silent,
 ) -> list[Fit]:
     """The `count` cameras with which the mesh fits the photo best, best first.
@@ -62,9 +62,8 @@ def search_cameras(
     best = []
     for number, fit in enumerate(rough):
         shown = _one_of(progress, ROUGHLY, WELL, number, len(rough), "best view")
-        best.append(
-            refine_camera(photo, faces, fit.camera, fix_focal=fix_focal, scales=COMPARED_SCALES, progress=shown)
-        )
+        camera, scales = fit.camera, COMPARED_SCALES
+        best.append(refine_camera(photo, faces, camera, fix_focal=fix_focal, scales=scales, progress=shown))
     best = _distinct_fits(sorted(best, key=lambda fit: fit.cost))
     if not fix_focal:
         # Try other focal lengths: refinement may converge to a wrong one.

@@ -117,9 +117,8 @@ def find_uniform_albedo(
                 return None
             gradient = np.einsum("ni,nki->nk", vectors, parts) * gains
             equations = np.einsum("nj,nk,n->jk", gradient, gradient, weights) / total
-            change = np.linalg.solve(
-                equations + 1e-4 * np.eye(3), np.einsum("nk,n->k", gradient, weights * (1 - length)) / total
-            )
+            right = np.einsum("nk,n->k", gradient, weights * (1 - length)) / total
+            change = np.linalg.solve(equations + 1e-4 * np.eye(3), right)
             gains = gains * np.exp(np.clip(change, -0.3, 0.3))
         if number == len(spreads) - 1 and len(spreads) < len(SPREADS) + FURTHER_SPREADS:
             length = _weighed(parts, gains, normals, nearby, spread)[0]
@@ -129,15 +128,10 @@ def find_uniform_albedo(
                 spreads.append(max(2 * found, MIN_SPREAD))
     length, vectors, weights = _weighed(parts, gains, normals, nearby, spread)
     length = np.where(positive, length, 0)
-    density_outside = (_density(length, 0.8, 0.9) + _density(length, 1.1, 1.2)) / 2
-    close = np.abs(length - 1) < 2 * SPREADS[-1]
-    result = UniformAlbedo(
-        gains,
-        _peak(length, 2 * SPREADS[-1])[1],
-        float(np.linalg.eigvalsh(equations)[0]),
-        max(density_outside, MIN_DENSITY),
-        float(close.mean()),
-    )
+    spread, determined = _peak(length, 2 * SPREADS[-1])[1], float(np.linalg.eigvalsh(equations)[0])
+    density = max((_density(length, 0.8, 0.9) + _density(length, 1.1, 1.2)) / 2, MIN_DENSITY)
+    share = float((np.abs(length - 1) < 2 * SPREADS[-1]).mean())
+    result = UniformAlbedo(gains, spread, determined, density, share)
     proven = result.sharp(_density(length, 0.98, 1.02)) and _directions(vectors, weights * positive) > DIRECTIONS
     return result if proven else None
 
@@ -274,9 +268,8 @@ class _Pixels(NamedTuple):
     def at(self, chosen: Bools, columns: slice = slice(None)) -> "_Pixels":
         """The chosen pixels of some columns of an image."""
         lights = self.lights[:, columns][chosen] if self.lights.ndim > 2 else self.lights
-        return _Pixels(
-            self.light[:, columns][chosen], lights, self.normals[:, columns][chosen], self.error[:, columns][chosen]
-        )
+        light, normals, error = (one[:, columns][chosen] for one in (self.light, self.normals, self.error))
+        return _Pixels(light, lights, normals, error)
 
 
 class _Hypothesis(NamedTuple):

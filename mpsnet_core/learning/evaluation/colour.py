@@ -96,12 +96,9 @@ def painted_blob(name: str, protocol: str, size: int, *, white: bool, blob: int 
     recipe = published_view(held_out_blob(blob), materials, size, pattern=pattern)
     sample = synthesise(recipe, built_blob(blob), [load_reflectance(material) for material in materials])
     near = near_colour_edges(surface_colours(recipe, built_blob(blob)))
-    return Case(
-        {"object": f"blob {blob + 1}", "colouring": name, "protocol": protocol, "photos": 1 + white},
-        ideal_photograph(sample, protocol, white=white),
-        sample.normals,
-        {"near_edges": near, "far_from_edges": ~near},
-    )
+    labels = {"object": f"blob {blob + 1}", "colouring": name, "protocol": protocol, "photos": 1 + white}
+    photo = ideal_photograph(sample, protocol, white=white)
+    return Case(labels, photo, sample.normals, {"near_edges": near, "far_from_edges": ~near})
 
 
 def surface_colours(recipe: SceneDescription, shape: Shape) -> Singles:

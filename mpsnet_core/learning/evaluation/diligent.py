@@ -147,10 +147,8 @@ class Diligent(Evaluation):
         notes = []
         if self._figures(rows):
             notes.append("paper: table 2 and figure 8 of Ju et al. 2019, as printed; figure 8 names no lights")
-        damaged = any(
-            row.labels["object"] == "bear" and min(row.labels["lights"]) <= DAMAGED_PHOTOGRAPHS for row in rows
-        )
-        if damaged:
+        bear = [min(row.labels["lights"]) for row in rows if row.labels["object"] == "bear"]
+        if min(bear, default=DAMAGED_PHOTOGRAPHS + 1) <= DAMAGED_PHOTOGRAPHS:
             notes.append(f"the bear's first {DAMAGED_PHOTOGRAPHS} photographs are damaged; they are used here")
         return notes
 

@@ -84,9 +84,8 @@ def evaluate(
                 page.add(results)
         calibrations = pool.calibration()
         named = [row.labelled(model=_shown_name(row.labels["model"], row.labels)) for row in rows]
-        table = "\n\n".join(
-            ["mean angular error in degrees\n" + evaluation.table(named), *_confidence_table(calibrations)]
-        )
+        errors = "mean angular error in degrees\n" + evaluation.table(named)
+        table = "\n\n".join([errors, *_confidence_table(calibrations)])
         skipped = evaluation.skipped()
         notes = [*evaluation.notes(rows), *skipped]
         measured = Measured(
@@ -100,9 +99,8 @@ def evaluate(
             if json:
                 write_json(json, measured.metrics())
             if page:
-                page.write(
-                    evaluation.title, table, notes, [*evaluation.charts(rows), *_calibration_chart(calibrations)]
-                )
+                charts = [*evaluation.charts(rows), *_calibration_chart(calibrations)]
+                page.write(evaluation.title, table, notes, charts)
     return measured
 
 

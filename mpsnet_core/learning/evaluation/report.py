@@ -42,9 +42,7 @@ class Curve(NamedTuple):
 
 def line_chart(title: str, curves: Sequence[Curve], x_label: str, y_label: str, diagonal: bool = False) -> str:
     """The curves as an SVG element, with both axes from 0. diagonal: also draw the line y = x."""
-    x_ticks, y_ticks = (
-        _ticks(max(max(values) for values in axis)) for axis in ([c.x for c in curves], [c.y for c in curves])
-    )
+    x_ticks, y_ticks = (_ticks(max(map(max, axis))) for axis in ([c.x for c in curves], [c.y for c in curves]))
     if diagonal:
         x_ticks = y_ticks = max(x_ticks, y_ticks, key=lambda ticks: ticks[-1])
 
@@ -156,19 +154,12 @@ def case_picture(results: Sequence[Result]) -> Singles:
     ]
     tiles = [_at_least_square(picture) for picture in cropped(pictures, case.capture.mask)]
     count = len(results)
-    names = [result.model[-LONGEST_TITLE:] for result in results]
-    errors = [f"{result.mae_deg:.2f}°" for result in results]
-    empty = np.full((TILE_HEIGHT, 1, 3), BACKGROUND, np.float32)
-    return contact_sheet(
-        [
-            *zip(["photo", *names], tiles[: count + 1], strict=True),
-            ("", empty),
-            *zip(["truth", *errors], tiles[count + 1 :], strict=True),
-            ("degrees", colour_scale(HIGHEST_ERROR, TILE_HEIGHT)),
-        ],
-        count + 2,
-        TILE_HEIGHT,
-    )
+    titles = ["photo", *(result.model[-LONGEST_TITLE:] for result in results)]
+    titles += ["truth", *(f"{result.mae_deg:.2f}°" for result in results)]
+    titled = list(zip(titles, tiles, strict=True))
+    titled.insert(count + 1, ("", np.full((TILE_HEIGHT, 1, 3), BACKGROUND, np.float32)))
+    titled.append(("degrees", colour_scale(HIGHEST_ERROR, TILE_HEIGHT)))
+    return contact_sheet(titled, count + 2, TILE_HEIGHT)
 
 
 def _at_least_square(picture: Singles) -> Singles:

@@ -115,20 +115,14 @@ class MeshView:
     ) -> SceneDescription:
         """Scene of the view: the mesh's z is up, and the camera looks slightly down. See :func:`published_view`."""
         standing = turn_about((1, 0, 0), ELEVATION - 90).T @ turn_about((0, 0, 1), self.turn).T
-        shape = {
-            "kind": "meshes",
-            "seed": HELD_OUT_SEED,
-            "pose": "upright",
-            "files": [self.file.name],
-            "deformed": False,
-        }
+        shape = {"kind": "meshes", "seed": HELD_OUT_SEED, "pose": "upright", "files": [self.file.name]}
+        shape["deformed"] = False
         return published_view(shape, materials, size, standing, pattern=pattern, bounces=bounces)
 
     def sample(self, recipe: SceneDescription, merl: str = "") -> Sample:
         """The recipe's sample. merl: path of measured materials. Raises InputError if the mesh is damaged."""
-        return synthesise(
-            recipe, load_mesh(str(self.file)), [load_reflectance(material, merl) for material in recipe.materials]
-        )
+        reflectances = [load_reflectance(material, merl) for material in recipe.materials]
+        return synthesise(recipe, load_mesh(str(self.file)), reflectances)
 
 
 def mesh_views(paths: Sequence[StrPath], views: int) -> list[MeshView]:

@@ -110,13 +110,8 @@ class Statues(Evaluation):
 
 def _case(view: MeshView, slant: float, tilt: float, bounces: int, size: int) -> Case:
     sample = _sample(view, slant, tilt, bounces, size)
-    lit = sample.lit.min(axis=0) >= REACHED
-    return Case(
-        {**view.labels, "tilt": tilt},
-        ideal_photograph(sample, "separated"),
-        sample.normals,
-        {"lit_mae": lit, "elsewhere_mae": ~lit},
-    )
+    lit, photo = sample.lit.min(axis=0) >= REACHED, ideal_photograph(sample, "separated")
+    return Case({**view.labels, "tilt": tilt}, photo, sample.normals, {"lit_mae": lit, "elsewhere_mae": ~lit})
 
 
 @lru_cache(maxsize=1)

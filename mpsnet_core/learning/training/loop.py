@@ -201,10 +201,8 @@ def _check_fit(recipe: TrainingConfig, network: Network) -> None:
     if network.kind != "patch":
         least = 2 * network.multiple  # batch norm needs two pixels on the coarsest scale
         if recipe.crop < least or recipe.crop % network.multiple:
-            raise SettingsError(
-                f"network {recipe.network} cannot be trained on a crop of {recipe.crop}; "
-                f"choose a multiple of {network.multiple} from {least}"
-            )
+            wanted = f"choose a multiple of {network.multiple} from {least}"
+            raise SettingsError(f"{recipe.network} cannot be trained on a crop of {recipe.crop}; {wanted}")
         if recipe.patches:
             raise SettingsError(f"network {recipe.network} does not see patches; leave them out of the recipe")
     elif recipe.gradient_weight:
@@ -313,9 +311,7 @@ class _Run:
                     layer.eval()
         with autocast:
             # Convolutions with few channels are faster in this memory layout.
-            prediction = self.network(
-                *(values.contiguous(memory_format=torch.channels_last) for values in batch.inputs)
-            )
+            prediction = self.network(*(one.contiguous(memory_format=torch.channels_last) for one in batch.inputs))
         loss = loss_of(prediction, batch.truth, batch.weights, recipe.error_weight, recipe.gradient_weight, batch.lit)
         torch.autograd.backward(loss.total)
         gradients = nn.utils.clip_grad_norm_(self.network.parameters(), 1.0)
@@ -360,33 +356,15 @@ class _Run:
         """Write the checkpoint, unless a step failed midway: half a step cannot be resumed."""
         if path is None or not self.whole:
             return
-        checkpoint = Checkpoint(
-            self.recipe,
-            self.step,
-            self.network.state_dict(),
-            self.mean_weights,
-            [optimiser.state_dict() for optimiser in self.optimisers],
-            self.seconds,
-            self.fingerprint,
-            self.precision,
-            self.continues,
-        )
-        write_checkpoint(path, checkpoint)
+        weights, states = self.network.state_dict(), [optimiser.state_dict() for optimiser in self.optimisers]
+        facts = self.seconds, self.fingerprint, self.precision, self.continues
+        write_checkpoint(path, Checkpoint(self.recipe, self.step, weights, self.mean_weights, states, *facts))
 
     def trained(self, metrics: Metrics | None) -> Trained:
         """The result of the run, with the metrics of the last validation."""
-        return Trained(
-            self.mean().cpu(),
-            self.recipe,
-            self.step,
-            self.seconds,
-            metrics,
-            len(self.simulator.samples),
-            self.fingerprint,
-            _hardware(self.device),
-            self.precision,
-            self.continues,
-        )
+        of_samples = len(self.simulator.samples), self.fingerprint
+        facts = *of_samples, _hardware(self.device), self.precision, self.continues
+        return Trained(self.mean().cpu(), self.recipe, self.step, self.seconds, metrics, *facts)
 
     def begin(self, path: Path | None) -> None:
         """Start from a checkpoint or an exported network, if one is given."""

@@ -466,12 +466,10 @@ def _normalise_by_white_photo(
     if fit is None:
         return light
     gains, lower_limits, unmixing_before, unmixing_after, mean_factors = (
-        torch.tensor(values, dtype=torch.float32, device=photo.device)
-        for values in (fit.gains, fit.lower_limits, fit.unmixing_before, fit.unmixing_after, fit.mean_factors)
+        torch.tensor(values, dtype=torch.float32, device=photo.device) for values in fit[:5]
     )
-    albedo = (
-        torch.maximum(torch.tensordot(unmixing_before, white, 1), lower_limits[:, None, None]) / gains[:, None, None]
-    )
+    albedo = torch.maximum(torch.tensordot(unmixing_before, white, 1), lower_limits[:, None, None])
+    albedo /= gains[:, None, None]
     factors = torch.where(valid, albedo.mean(dim=0) / albedo, mean_factors[:, None, None])
     return torch.tensordot(unmixing_after, torch.tensordot(unmixing_before, photo, 1) * factors, 1)
 

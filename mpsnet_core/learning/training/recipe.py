@@ -97,12 +97,8 @@ class TrainingConfig:
 
     def to_json(self) -> dict[str, Any]:
         """The recipe as plain data, for :func:`recipe_from_data`."""
-        return {
-            **asdict(self),
-            "options": dict(self.options),
-            "capture": dict(self.capture),
-            "samples": list(self.samples),
-        }
+        tables = {"options": dict(self.options), "capture": dict(self.capture)}
+        return {**asdict(self), **tables, "samples": list(self.samples)}
 
 
 def capture_model(changes: Any) -> CaptureModel:

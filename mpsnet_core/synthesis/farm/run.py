@@ -62,9 +62,8 @@ def blender_command(blender: str = "", addon: str = "") -> tuple[str, ...]:
     """
     if blender:
         found = shutil.which(blender)
-        if (
-            found and Path(blender).name == blender and Path(found).resolve().parent == Path.cwd()
-        ):  # Windows searches the current folder
+        here = found and Path(blender).name == blender and Path(found).resolve().parent == Path.cwd()
+        if here:  # Windows searches the current folder
             raise SettingsError(f"{blender} is in this folder, which may hold files of others; give its path in full")
         return blender, "-b", *(("--addons", addon) if addon else ()), "--command", "mpsnet", "work"
     return THIS_PYTHON, "-m", "blender_addon", "work"
@@ -161,12 +160,8 @@ def _results_from_processes(
 
     with ThreadPoolExecutor(processes, initializer=lambda: setattr(own, "worker", spare.pop())) as pool:
         try:
-            yield from gathered(
-                lambda batch: pool.submit(make, batch),
-                [tuple(batch) for _, batch in batches],
-                lambda task, _: task.result(),
-                {},
-            )
+            tasks = [tuple(batch) for _, batch in batches]
+            yield from gathered(lambda batch: pool.submit(make, batch), tasks, lambda task, _: task.result(), {})
             list(pool.map(Worker.close, workers))
         finally:
             pool.shutdown(wait=False, cancel_futures=True)

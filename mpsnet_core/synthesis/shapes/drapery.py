@@ -213,9 +213,8 @@ def _pleated(rng: np.random.Generator) -> Shape:
     flat = np.stack([x, y * tall, np.zeros_like(x)], axis=-1).reshape(-1, 3)
     drift = fractal_noise(flat * (1.2, uniform(rng, 0.3, 1.0), 1), seed, 2).reshape(x.shape)
     pleats, wander = uniform(rng, 2, 6), uniform(rng, 0.2, 0.9)
-    phase = (
-        2 * np.pi * (pleats * x / 2 + wander * drift + uniform(rng, -0.4, 0.4) * y + uniform(rng, 0, 0.5) * x * x * y)
-    )
+    phase = pleats * x / 2 + wander * drift + uniform(rng, -0.4, 0.4) * y + uniform(rng, 0, 0.5) * x * x * y
+    phase *= 2 * np.pi
     strength = 0.65 + 0.8 * gradient_noise(flat * (1.6, 1.0, 1), seed + 9).reshape(x.shape)
     strength = np.clip(strength, 0.05, 1.4) * (uniform(rng, 0.4, 1.0) + uniform(rng, 0, 0.8) * down)
     merged = np.clip(1.4 * down + 0.3 * drift, 0, 1) if chance(rng, 0.6) else np.ones_like(x)
@@ -223,9 +222,8 @@ def _pleated(rng: np.random.Generator) -> Shape:
     deep, over = uniform(rng, 0.1, 0.3) / pleats**0.5, uniform(rng, 0.0, 0.16) / pleats
     gather = 1 - uniform(rng, 0, 0.5) * (1 - down) ** 2
     hem = 0.1 * gradient_noise(flat * (1.5, 0, 0), seed + 4).reshape(x.shape) * down
-    front = np.stack(
-        [(x + over * strength * np.sin(2 * phase)) * gather, y * tall + hem, deep * strength * wave], axis=-1
-    )
+    across = (x + over * strength * np.sin(2 * phase)) * gather
+    front = np.stack([across, y * tall + hem, deep * strength * wave], axis=-1)
     front[..., 2] += 0.25 * gradient_noise(flat * 1.1, seed + 5).reshape(x.shape)
     normals = _grid_normals(front)
     fine = fractal_noise(flat * (9, uniform(rng, 5, 14), 1), seed + 3, 2).reshape(*x.shape, 1)

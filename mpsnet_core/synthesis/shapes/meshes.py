@@ -47,11 +47,8 @@ def mesh_files(folder: StrPath) -> list[str]:
     if not path.is_dir():
         raise FileError(f"the folder of meshes {path} does not exist; check the path")
     try:
-        names = sorted(
-            entry.name
-            for entry in path.iterdir()
-            if entry.suffix.lower() in FORMATS and not entry.name.startswith(".") and entry.is_file()
-        )
+        files = [one for one in path.iterdir() if one.suffix.lower() in FORMATS and one.is_file()]
+        names = sorted(file.name for file in files if not file.name.startswith("."))
     except OSError as error:
         raise FileError(f"the folder of meshes {path} cannot be read ({error.strerror}); check it") from None
     if not names:
@@ -147,15 +144,10 @@ def thicken_if_flat(vertices: Doubles, faces: Integers) -> tuple[Doubles, Intege
     size = float((vertices.max(axis=0) - vertices.min(axis=0)).max())
     other = len(vertices)
     rim = _open_edges(vertices, faces)
-    walls = np.concatenate(
-        [
-            np.column_stack([rim[:, ::-1], rim[:, 0] + other]),
-            np.column_stack([rim[:, 0] + other, rim[:, 1] + other, rim[:, 1]]),
-        ]
-    )
-    return np.concatenate([vertices, vertices + size / 40 * axes[2]]), np.concatenate(
-        [faces, faces[:, ::-1] + other, walls]
-    )
+    low = np.column_stack([rim[:, ::-1], rim[:, 0] + other])
+    high = np.column_stack([rim[:, 0] + other, rim[:, 1] + other, rim[:, 1]])
+    both = np.concatenate([vertices, vertices + size / 40 * axes[2]])
+    return both, np.concatenate([faces, faces[:, ::-1] + other, low, high])
 
 
 def fill_mesh_holes(vertices: Doubles, faces: Integers) -> tuple[Doubles, Integers]:

@@ -80,15 +80,8 @@ def _coin(rng: np.random.Generator) -> Motif:
         for angle, long, drawn in marks:
             if drawn:
                 a, b = 0.78 - long, 0.78 + long
-                line = _stroke(
-                    u,
-                    v,
-                    np.array(
-                        [(a * np.cos(angle), a * np.sin(angle)), (b * np.cos(angle + 0.04), b * np.sin(angle + 0.04))]
-                    ),
-                    0.022,
-                )
-                total = np.maximum(total, 0.5 * line)
+                path = [(r * np.cos(turned), r * np.sin(turned)) for r, turned in ((a, angle), (b, angle + 0.04))]
+                total = np.maximum(total, 0.5 * _stroke(u, v, np.array(path), 0.022))
         return total
 
     return height
@@ -128,15 +121,8 @@ def _ornament(rng: np.random.Generator) -> Motif:
     parts = []
     for _ in range(integer(rng, 3, 7)):
         away, size = uniform(rng, 0.2, 0.85), uniform(rng, 0.12, 0.35)
-        parts.append(
-            (
-                choice(rng, ("petal", "bead", "arc", "spiral")),
-                away,
-                size,
-                uniform(rng, 0.4, 1.0),
-                uniform(rng, -0.5, 0.5),
-            )
-        )
+        kind = choice(rng, ("petal", "bead", "arc", "spiral"))
+        parts.append((kind, away, size, uniform(rng, 0.4, 1.0), uniform(rng, -0.5, 0.5)))
     across = chance(rng, 0.35)
     repeat = integer(rng, 2, 3)
 
