@@ -97,11 +97,15 @@ def option(
     high: float | None = None,
     unset: str = "",
     path: PathKind = "",
-    provenance: Provenance = "value",
+    provenance: Provenance | None = None,
     numbers: bool = False,
 ) -> Any:
-    """A field of an operation, required if it has no default. See :class:`Option` for the parameters."""
-    described = Option(help, positional, metavar, choices or {}, low, high, unset, path, provenance, numbers)
+    """A field of an operation, required if it has no default. See :class:`Option` for the parameters.
+
+    provenance: by default a file's content, and any other value as it is.
+    """
+    recorded: Provenance = provenance or ("content" if path == "file" else "value")
+    described = Option(help, positional, metavar, choices or {}, low, high, unset, path, recorded, numbers)
     return field(default=default, kw_only=True, metadata={_METADATA: described})
 
 

@@ -507,6 +507,7 @@ class BakeViews(RunsModel, ReadsPhotos, BakesDetail):
         help="cameras from photogrammetry: a COLMAP folder, Metashape's .xml, Meshroom's .sfm or a folder of "
         "NAME.camera.json",
         path="file",
+        provenance="value",
     )
     photos: str | None = option(
         default=None,

@@ -92,6 +92,19 @@ class TakesLightPhotos(ReadsPhotos):
         help="each photo shows one white light: three photos of an object that did not move, in the order red, green, "
         "blue, as `superpose --channels` takes them",
     )
+    mask: str = option(default=MASK, help="where the object is, as in `estimate`")
+    json: str | None = option(default=None, metavar="FILE", help="write the results as JSON", provenance="none")
+    output: str = option(help="rig file to write: .json", path="file", provenance="none")
+
+    def photos(self, given: Sequence[str], *inputs: str) -> list[Path]:
+        """The photos' files, after checking that the results can be written and overwrite no input."""
+        from mpsnet_core.io.files import check_no_overwrite, writable_path
+        from mpsnet_core.io.frames import expand_images
+
+        files = expand_images(given)
+        outputs = [writable_path(path) for path in (self.output, self.json) if path]
+        check_no_overwrite([*files, *self.inputs(*inputs, mask=self.mask)], outputs)
+        return files
 
     def sources(self, files: Sequence[Path], mask: str) -> "list[Source]":
         """The photos, or the one photo whose channels they are.
@@ -324,11 +337,7 @@ class Check(ReadsPhotos):
 
     image: str = option(positional=True, help="photo")
     rig: str | None = option(
-        default=None,
-        help="rig file (.json, or .lp with three lights)",
-        unset="the lights are not checked",
-        path="file",
-        provenance="content",
+        default=None, help="rig file (.json, or .lp with three lights)", unset="the lights are not checked", path="file"
     )
     mask: str = option(default=MASK, help="where the object is, as in `mask`")
     json: str | None = option(default=None, metavar="FILE", help="write the findings as JSON", provenance="none")

@@ -127,7 +127,6 @@ class Estimate(RunsModel, HasViewpoint, ReadsPhotos):
         help="rig file (.json, or .lp with three lights)",
         unset="the lights are found in the photo",
         path="file",
-        provenance="content",
     )
     mask: str = option(
         default=MASK,

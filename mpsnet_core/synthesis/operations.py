@@ -106,12 +106,8 @@ class RunsWorkers(Operation):
         from mpsnet_core.synthesis.farm.run import SYNTHESIS_COMMAND, blender_command, make_samples
 
         command = SYNTHESIS_COMMAND if job.renderer == "synthesis" else blender_command(blender, addon)
-        where: dict[str, Any] = {
-            "processes": self.processes,
-            "cluster": self.cluster,
-            "cluster_trusted": self.cluster_trusted,
-        }
-        outcome = make_samples(folder, job, command, **where, progress=progress)
+        workers: dict[str, Any] = {name: getattr(self, name) for name in ("processes", "cluster", "cluster_trusted")}
+        outcome = make_samples(folder, job, command, **workers, progress=progress)
         facts = f"{outcome.made} made, {outcome.there} there already"
         if outcome.failed:
             number, sentence = min(outcome.failed.items())

@@ -70,14 +70,12 @@ class Align(RunsModel, TakesMesh, ReadsPhotos):
     mesh: str = option(
         help="mesh of the object in the photo, whose unit and axes the camera file will use unless they are changed",
         path="file",
-        provenance="content",
     )
     rig: str | None = option(
         default=None,
         help="rig file (.json, or .lp with three lights)",
         unset="the lights are found in the photo",
         path="file",
-        provenance="content",
     )
     mask: str = option(default=MASK, help="mask of the photo, as `mpsnet estimate` takes it")
     points: str | None = option(
@@ -87,7 +85,6 @@ class Align(RunsModel, TakesMesh, ReadsPhotos):
         '{"pairs": [{"pixel": [x, y], "point": [X, Y, Z]}, ...]}, in pixels from the top left corner and the mesh '
         "file's own axes",
         path="file",
-        provenance="content",
     )
     start: str | None = option(
         default=None,
@@ -95,7 +92,6 @@ class Align(RunsModel, TakesMesh, ReadsPhotos):
         help="camera file of a rough start, within about 10 degrees of the photo's view",
         unset="without pairs, views all around the mesh are tried",
         path="file",
-        provenance="content",
     )
     focal: float | None = option(
         default=None,
@@ -112,7 +108,6 @@ class Align(RunsModel, TakesMesh, ReadsPhotos):
         "the pose; its photo must have the same aspect ratio, at any size",
         unset="the principal point is the photo's centre, or that of the start",
         path="file",
-        provenance="content",
     )
     overlay: str | None = option(
         default=None,
