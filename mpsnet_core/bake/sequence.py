@@ -10,7 +10,7 @@ from mpsnet_core.bake.detail_blending import blend_detail
 from mpsnet_core.bake.inputs import BakeInputs, ViewReader
 from mpsnet_core.bake.settings import BakeSettings
 from mpsnet_core.bake.texture_files import TextureTarget
-from mpsnet_core.batch import Batch
+from mpsnet_core.errors import Batch
 from mpsnet_core.io.files import check_own
 from mpsnet_core.io.provenance import is_up_to_date, provenance_line
 from mpsnet_core.progress import Progress, part

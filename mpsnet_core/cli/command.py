@@ -30,8 +30,7 @@ from mpsnet_core.estimate.alignment.operation import Align
 from mpsnet_core.estimate.lights.operation import CalibratePhoto
 from mpsnet_core.estimate.operations import Estimate, ListModels
 from mpsnet_core.io.child_process import only_request
-from mpsnet_core.operation import Operation
-from mpsnet_core.operation_json import from_json
+from mpsnet_core.operation import Operation, from_json
 from mpsnet_core.relief.operations import Integrate, MakeMaterial
 from mpsnet_core.scene.operations import CompareNormals, PreviewLights, WriteCameras
 from mpsnet_core.synthesis.operations import Example, MakeSamples, ShowSamples, Synthesize, Work

@@ -15,10 +15,9 @@ import numpy as np
 
 from mpsnet_core.arrays.mask_regions import box_sums
 from mpsnet_core.arrays.types import Bools, Floats, Singles
-from mpsnet_core.batch import Batch
 from mpsnet_core.capture.capture import Capture
 from mpsnet_core.defaults import MAX_SMOOTHING
-from mpsnet_core.errors import GeometryError, InputError, NoObject, SettingsError
+from mpsnet_core.errors import Batch, GeometryError, InputError, NoObject, SettingsError
 from mpsnet_core.estimate.sequence.source import Frame
 from mpsnet_core.io.files import check_own, ensure_folder, remove_abandoned
 from mpsnet_core.io.provenance import is_result, is_up_to_date, provenance_line

@@ -27,9 +27,8 @@ from mpsnet_core.learning.training.packed import PackedSamples
 from mpsnet_core.learning.training.photo_simulation import PhotoSimulator, Scale, views_of
 from mpsnet_core.learning.training.recipe import TrainingConfig, capture_model
 from mpsnet_core.learning.training.validation import Metrics, validate
-from mpsnet_core.progress import Progress, silent
+from mpsnet_core.progress import Progress, silent, uninterrupted
 from mpsnet_core.synthesis.job import JOB_FILE
-from mpsnet_core.uninterrupted import uninterrupted
 
 log = logging.getLogger(__name__)
 
