@@ -197,7 +197,7 @@ def test_the_command_line_takes_camera_and_distance(
 @pytest.mark.parametrize(
     ("arguments", "sentence"),
     [
-        ((), "the rig's lights stand near the object, so its distance counts: give the camera"),
+        ((), "the rig's lights are near: give the camera"),
         (("--camera", "camera.json", "--focal", "50"), "--camera and --focal both define the lens"),
         (("--focal", "50", "--mesh", "ball.obj"), "--mesh needs --camera"),
         (("--camera", "camera.json", "--mesh", "ball.obj", "--distance", "3"), "both define how far"),

@@ -250,7 +250,7 @@ def test_a_size_beyond_reason_is_refused_before_memory_is_asked_for(
 ) -> None:
     path = clip(tmp_path / "a.mkv", noise(1))
     monkeypatch.setattr("mpsnet_core.estimate.sequence.video.MAX_PIXELS", WIDTH * HEIGHT - 1)
-    with pytest.raises(InputError, match=r"a\.mkv says it is 40 x 24; this program reads up to"):
+    with pytest.raises(InputError, match=r"a\.mkv is 40 x 24, above"):
         decoded(path)
 
 
