@@ -180,7 +180,7 @@ class TestBadInput:
         assert "flat.tif is overexposed; use a shorter exposure" in sentence
 
     def test_an_overexposed_dark_frame(self, shots: Shots) -> None:
-        assert "dark.tif is not a dark frame" in refused(lambda: self.read(dark=shots.write("dark.tif", 1)))
+        assert "dark.tif is no dark frame" in refused(lambda: self.read(dark=shots.write("dark.tif", 1)))
 
     def test_a_flat_field_without_one_light(self, shots: Shots) -> None:
         flat = shots.write("flat.tif", fall_off() * [0.5, 0, 0.5])

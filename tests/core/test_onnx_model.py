@@ -290,7 +290,7 @@ test_a_bad_network_gets_one_clear_sentence = gets_one_clear_sentence(
             "m.onnx cannot be used: its metadata are not UTF-8 text; export it again",
         ),
         ("unknown name", lambda b: estimate_normals(SPHERE.capture(), "mpsnet9"), "no model 'mpsnet9'"),
-        (lambda b: estimate_normals(SPHERE.capture(), b.bytes("m.onnx", bytes(range(256)))), "m.onnx is not an ONNX"),
+        (lambda b: estimate_normals(SPHERE.capture(), b.bytes("m.onnx", bytes(range(256)))), "no ONNX model"),
         ("no card", use(dense(card=None)), "m.onnx…no card (metadata 'mpsnet.card')"),
         ("card not JSON", use(dense(card="{")), "m.onnx…card…not valid JSON"),
         ("card of a newer version", card_with(version=CARD_VERSION + 1), "version 2, this program reads version 1"),

@@ -97,13 +97,13 @@ test_a_bad_synthesis_gets_one_clear_sentence = gets_one_clear_sentence(
         (
             "meshes of no folder",
             lambda b: synthesize(b, "--shapes", "meshes"),
-            "have meshes where it names their folder",
+            "where it names their folder",
         ),
-        (lambda b: synthesize(b, "--shapes", "blobs", "--meshes", b.folder), "have meshes where it names their folder"),
+        (lambda b: synthesize(b, "--shapes", "blobs", "--meshes", b.folder), "where it names their folder"),
         (
             "a scene without Blender",
             lambda b: synthesize(b, "--shapes", "scene"),
-            "have scene where it names their objects",
+            "where it names their objects",
         ),
         (lambda b: synthesize(b, "--shapes", "blobs,meshes", "--meshes", b / "nowhere"), "nowhere does not exist"),
         (lambda b: b.run("synthesize", "--count", "1", "-o", b / "no" / "where"), "cannot make folder"),
