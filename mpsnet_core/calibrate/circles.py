@@ -121,11 +121,8 @@ class _Edges:
 
     def steepest(self) -> tuple[Doubles, Bools]:
         """(N, 2) the steepest point on each line, interpolated, and (N,) whether it is an edge above noise."""
-        weighted = (
-            self.gradients
-            * np.exp(-((self.offsets / self.reach) ** 2))
-            * (np.abs(self.offsets) < self.reach + 2 * self.step)
-        )
+        weighted = self.gradients * np.exp(-((self.offsets / self.reach) ** 2))
+        weighted *= np.abs(self.offsets) < self.reach + 2 * self.step
         best = np.clip(weighted.argmax(axis=1), 1, len(self.offsets) - 2)
         line = np.arange(len(best))
         before, here, after = (self.gradients[line, best + k] for k in (-1, 0, 1))
@@ -249,11 +246,9 @@ def _warn_of_rival(ball: Ball, likely: list[Ball]) -> None:
     for other in likely:
         a, b = ball.circle, other.circle
         if _score(other) > RIVAL * _score(ball) and _differ(a, b, ALIKE) and not _are_separate(a, b):
-            log.warning(
-                "the ball may be the circle %.0f,%.0f,%.0f or %.0f,%.0f,%.0f; the first was chosen: look at the "
-                "overlay, and give the circle by hand (x,y,r) if it is not the ball's",
-                *(a.x, a.y, a.radius, b.x, b.y, b.radius),
-            )
+            words = "the ball may be the circle %.0f,%.0f,%.0f or %.0f,%.0f,%.0f; the first was chosen: look at the "
+            words += "overlay, and give the circle by hand (x,y,r) if it is not the ball's"
+            log.warning(words, a.x, a.y, a.radius, b.x, b.y, b.radius)
             return
 
 
@@ -309,10 +304,8 @@ def _circles(image: Singles, bright: Bools) -> list[Circle]:
         for _ in range(2):  # there may be a second ball of the same size
             row, column = (int(place) for place in np.unravel_index(votes.argmax(), votes.shape))
             found.append((votes[row, column] / np.sqrt(size), Circle(2 * column + 1, 2 * row + 1, float(size))))
-            suppressed = int(size) // 2
-            votes[
-                max(row - suppressed, 0) : row + suppressed + 1, max(column - suppressed, 0) : column + suppressed + 1
-            ] = 0
+            by = int(size) // 2
+            votes[max(row - by, 0) : row + by + 1, max(column - by, 0) : column + by + 1] = 0
     rows, columns = np.nonzero(bright)
     chosen: list[Circle] = []
     for _, circle in sorted(found, key=lambda pair: -pair[0]):

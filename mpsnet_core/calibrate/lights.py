@@ -153,12 +153,9 @@ def _with_positions(found: LightsFound, origins: Doubles, rays: Doubles, spreads
         log.info("light %s is far away: its rays are nearly parallel, so only directions were found", names)
         return _with_spread(found, rays)
     for k in np.flatnonzero(gaps > MISSED * errors):
-        log.warning(
-            "light %d: the rays to it miss each other by %.3g, more than they should; did camera or light move between "
-            "the photos, is the focal length right, and are the balls of one size?",
-            k + 1,
-            gaps[k],
-        )
+        words = "light %d: the rays to it miss each other by %.3g, more than they should; did camera or light move "
+        words += "between the photos, is the focal length right, and are the balls of one size?"
+        log.warning(words, k + 1, gaps[k])
     turn = np.degrees(errors / distance)
     return LightsFound(found.sightings, normalised(away), turn, found.target, points, errors, gaps)
 
@@ -197,32 +194,19 @@ def _warn_of_doubts(sightings: Sequence[Sighting]) -> None:
     for sighting in sightings:
         ball = sighting.ball
         if ball.residual > 0.004 * ball.circle.radius or ball.seen < 0.5:
-            log.warning(
-                "the ball's outline was seen to %.0f%% and fits to %.2g pixels: look at the overlay, and give the "
-                "circle by hand (x,y,r) if it is not the ball's",
-                100 * ball.seen,
-                ball.residual,
-            )
+            words = "the ball's outline was seen to %.0f%% and fits to %.2g pixels: look at the overlay, and give the "
+            log.warning(words + "circle by hand (x,y,r) if it is not the ball's", 100 * ball.seen, ball.residual)
         for number, spot in enumerate(sighting.highlights, 1):
             if spot.radius > BROAD * ball.circle.radius:
-                log.warning(
+                words = (
                     "light %d: its highlight is %.0f%% as wide as the ball, as on a matt one: is it the mirror ball, "
-                    "and exposed so briefly that highlights are not burnt out?",
-                    number,
-                    100 * spot.radius / ball.circle.radius,
                 )
+                words += "and exposed so briefly that highlights are not burnt out?"
+                log.warning(words, number, 100 * spot.radius / ball.circle.radius)
             if spot.rival > RIVAL:
-                log.warning(
-                    "light %d: another spot on the ball holds %.0f%% as much light: a window, a lamp? Look at the "
-                    "overlay",
-                    number,
-                    100 * spot.rival,
-                )
+                words = "light %d: another spot on the ball has %.0f%% as much light: a window? Look at the overlay"
+                log.warning(words, number, 100 * spot.rival)
     by_lens = max(float(sighting.by_lens().max()) for sighting in sightings)
     if by_lens:
-        log.info(
-            "the camera is assumed far away; give its lens (--focal, --camera): one of %g mm would make these "
-            "directions wrong by up to %.1f°, which their uncertainty includes",
-            USUAL_LENS,
-            by_lens,
-        )
+        words = "the camera is assumed far away; give its lens (--focal, --camera): one of %g mm would make these "
+        log.info(words + "directions wrong by up to %.1f°, which their uncertainty includes", USUAL_LENS, by_lens)

@@ -78,18 +78,14 @@ class CalibrateMesh(TakesMesh, TakesLightPhotos):
                 found = lights_of_photo(again, mask, camera, mesh, mixed=not self.per_light)
             rig = _rig_of(found)
         write_rig(self.output, rig)
+        facts = zip(CHANNELS, rig.directions, *angles_of(rig.directions), found.errors, strict=True)
         lights = [
             LightFacts(name, light.tolist(), float(slant), float(tilt), uncertainty=float(error))
-            for name, light, slant, tilt, error in zip(
-                CHANNELS, rig.directions, *angles_of(rig.directions), found.errors, strict=True
-            )
+            for name, light, slant, tilt, error in facts
         ]
         if found.residual > POOR:
-            log.warning(
-                "the mesh explains the photo badly (typical difference %.0f%%): check the camera and the mesh, and "
-                "that the object is matt [mesh-misfit]",
-                100 * found.residual,
-            )
+            words = "the mesh explains the photo badly (typical difference %.0f%%): check the camera and the mesh, and "
+            log.warning(words + "that the object is matt [mesh-misfit]", 100 * found.residual)
         text = "\n".join([*map(str, lights), f"{self.output}: the rig"])
         result = MeshCalibrated(self.output, lights, round(found.residual, 4), found.paints, text=text)
         if self.json:

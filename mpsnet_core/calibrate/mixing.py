@@ -110,15 +110,12 @@ def mixing_from_ball(photo: Image, ball: Ball, rig: LightRig) -> MixingFound:
     """
     points, colours = _ball_pixels(photo, ball)
     found = _fitted(points, colours, ball, rig, np.ones((3, 3), bool))
-    found = replace(
-        found, uncertainty=float(np.hypot(found.uncertainty, _by_sectors(points, colours, ball, rig, found)))
-    )
+    by_sectors = _by_sectors(points, colours, ball, rig, found)
+    found = replace(found, uncertainty=float(np.hypot(found.uncertainty, by_sectors)))
     if found.uncertainty > UNDETERMINED:
-        log.warning(
-            "this photo does not show how the lights' colours mix (to ± %.2f): the rig gets their strengths "
-            "alone; for the rest take three photos, one under each light alone, or lights that stand wider apart",
-            found.uncertainty,
-        )
+        words = "this photo does not show how the lights' colours mix (to ± %.2f): the rig gets their strengths alone; "
+        words += "for the rest take three photos, one under each light alone, or lights that stand wider apart"
+        log.warning(words, found.uncertainty)
         alone = _fitted(points, colours, ball, rig, np.eye(3, dtype=bool))
         found = replace(alone, determined=False, uncertainty=found.uncertainty)
     return _checked(found)
@@ -258,20 +255,15 @@ def mixing_from_card(
         inside = photo.pixels[mask].astype(np.float64)
         usable = ~photo.saturated[mask].any(axis=1) & np.isfinite(inside).all(axis=1)
         if usable.sum() < MIN_PIXELS:
-            raise GeometryError(
-                f"the photo of the {LIGHT_NAMES[light]} light has fewer than {MIN_PIXELS} usable pixels of the card; "
-                "use a shorter exposure, or mark more of it"
-            )
+            words = f"the {LIGHT_NAMES[light]} light's photo has fewer than {MIN_PIXELS} usable pixels of the card"
+            raise GeometryError(f"{words}; use a shorter exposure, or mark more of it")
         columns.append(inside[usable] / cosines[light])
     return _from_columns(columns, None)
 
 
 def _three_photos(photos: Sequence[Image]) -> Sequence[Image]:
     if len(photos) != 3:
-        raise SettingsError(
-            f"{len(photos)} photo(s) where three are needed, one under each light alone in the rig's order; one photo "
-            "under all of them will do for a grey ball"
-        )
+        raise SettingsError(f"{len(photos)} photo(s); give three, one under each light alone in the rig's order")
     return photos
 
 

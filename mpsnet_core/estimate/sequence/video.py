@@ -144,19 +144,12 @@ def read_video_header(path: StrPath, *, encoding: Encoding = "auto") -> Video:
             seconds = float(stream.duration * stream.time_base)
         log.info("video read as %s%s", curve, ", as requested" if encoding != "auto" else "")
         if codec.pix_fmt and ("420" in codec.pix_fmt or "422" in codec.pix_fmt or codec.pix_fmt in ("nv12", "p010le")):
-            log.info(
-                "the video stores colour at half its resolution (%s), and each light is one colour, so the "
-                "normals are as coarse; record 4:4:4 video or frames if you can",
-                codec.pix_fmt,
-            )
+            words = "the video stores colour at half its resolution (%s), and each light is one colour, so the normals "
+            log.info(words + "are as coarse; record 4:4:4 video or frames if you can", codec.pix_fmt)
         aspect = stream.sample_aspect_ratio
         if aspect and aspect != 1:
-            log.warning(
-                "the video's pixels are not square (%s:%s), and the normals are those of the stored picture; convert "
-                "it to square pixels",
-                aspect.numerator,
-                aspect.denominator,
-            )
+            words = "the video's pixels are not square (%s:%s), and the normals are those of the stored picture; "
+            log.warning(words + "convert it to square pixels", aspect.numerator, aspect.denominator)
         return Video(path, codec.width, codec.height, rate, stream.frames or round(seconds * rate))
 
 
@@ -216,10 +209,8 @@ def video_frames(
                 break
             number += 1
             if (picture.width, picture.height) != (video.width, video.height):
-                raise FormatError(
-                    f"{video.path}: frame {number} is {picture.width} x {picture.height}, the first is {video.width} x "
-                    f"{video.height}; cut the video where its size changes"
-                )
+                words = f"{video.path}: frame {number} is {picture.width} x {picture.height}, not {video.width} x "
+                raise FormatError(f"{words}{video.height}; cut the video where its size changes")
             yield frame(number, partial(_image, picture, linear, f"{video.path.name}, frame {number}"))
     if number == 0:
         raise FormatError(f"{video.path} holds no frame that can be read{damage}; copy or export it again")

@@ -65,42 +65,30 @@ def synthesise(
 
     colouring = _colouring(recipe, points)
     arrivals = [illumination(light, points, surface.scene, pixels, grid, turns) for light in lights]
-    radiance = np.stack(
-        [
-            _direct(recipe, reflectances, lobes, light, points, colouring, arrived.irradiance, turns)
-            for light, arrived in zip(lights, arrivals, strict=True)
-        ],
-        axis=1,
-    )
+    direct = [
+        _direct(recipe, reflectances, lobes, light, points, colouring, arrived.irradiance, turns)
+        for light, arrived in zip(lights, arrivals, strict=True)
+    ]
+    radiance = np.stack(direct, axis=1)
     if recipe.bounces and len(points):
         footprint = (1.0 if camera.projection == "orthographic" else float(depth.mean())) / camera.focal.min()
-        received = indirect(
-            surface,
-            lights,
-            points,
-            pixels,
-            grid,
-            STRIDE * supersampling,
-            float(footprint),
-            lambda met: _colouring(recipe, met).albedo(recipe, lobes),
-            recipe.bounces,
-        )
+
+        def albedo(met: SurfacePoints) -> Singles:
+            return _colouring(recipe, met).albedo(recipe, lobes)
+
+        step = STRIDE * supersampling, float(footprint)
+        received = indirect(surface, lights, points, pixels, grid, *step, albedo, recipe.bounces)
         radiance += received * colouring.albedo(recipe, lobes)[:, None]
 
     image = _Image(grid, supersampling, pixels)
     alpha = image.share(np.ones(len(points), np.float32))
     covered = alpha > 0
     weights = image.share(colouring.weights)
-    return Sample(
-        lights=image.share(radiance.reshape(-1, 9)).reshape(*alpha.shape, 3, 3).transpose(2, 0, 1, 3).copy(),
-        normals=np.where(covered[..., None], normalised(image.share(points.normal)), np.float32(0)),
-        depth=image.mean(depth, alpha),
-        alpha=alpha,
-        material=np.where(covered, weights.argmax(axis=2), -1).astype(np.int32),
-        lit=np.stack([image.mean(arrived.lit, alpha) for arrived in arrivals]),
-        recipe=recipe,
-        renderer=RENDERER,
-    )
+    seen = image.share(radiance.reshape(-1, 9)).reshape(*alpha.shape, 3, 3).transpose(2, 0, 1, 3).copy()
+    normals = np.where(covered[..., None], normalised(image.share(points.normal)), np.float32(0))
+    material = np.where(covered, weights.argmax(axis=2), -1).astype(np.int32)
+    lit = np.stack([image.mean(arrived.lit, alpha) for arrived in arrivals])
+    return Sample(seen, normals, image.mean(depth, alpha), alpha, material, lit, recipe, RENDERER)
 
 
 def _colouring(recipe: SceneDescription, points: SurfacePoints) -> _Colouring:
