@@ -161,14 +161,8 @@ def ball_from_mask(mask: Bools, camera: Camera, radius: float = 1.0) -> Ball:
     width, height = mask.shape[1], mask.shape[0]
     left, right = mask[rows].argmax(axis=1), width - mask[rows, ::-1].argmax(axis=1)
     top, bottom = mask[:, columns].argmax(axis=0), height - mask[::-1, columns].argmax(axis=0)
-    points = np.concatenate(
-        [
-            np.stack([left, rows + 0.5], axis=-1),
-            np.stack([right, rows + 0.5], axis=-1),
-            np.stack([columns + 0.5, top], axis=-1),
-            np.stack([columns + 0.5, bottom], axis=-1),
-        ]
-    )
+    sides = (left, rows + 0.5), (right, rows + 0.5), (columns + 0.5, top), (columns + 0.5, bottom)
+    points = np.concatenate([np.stack(side, axis=-1) for side in sides])
     # Points on the image border do not belong to the outline.
     x, y = points.T
     return fit_ball(points[(x > 0) & (x < width) & (y > 0) & (y < height)], camera, radius)

@@ -210,15 +210,10 @@ def _highlight(window: _Window, weight: Doubles, others: Doubles, name: str) -> 
     row, column = (np.average(places, weights=amount) for places in np.nonzero(spot))
     radius = float(np.sqrt((spot & (weight > SPOT)).sum() / np.pi))
     clipped = bool((spot & window.clipped.any(axis=-1)).any())
-    return Highlight(
-        window.left + float(column) + 0.5,
-        window.top + float(row) + 0.5,
-        radius,
-        float(np.hypot((CLIPPED_SHARE if clipped else CENTROID_SHARE) * radius, MIN_UNCERTAINTY)),
-        clipped,
-        float(light[order[1]] / light[order[0]]) if count > 1 else 0.0,
-        _colour(window.excess[spot].sum(axis=0)),
-    )
+    unsure = float(np.hypot((CLIPPED_SHARE if clipped else CENTROID_SHARE) * radius, MIN_UNCERTAINTY))
+    rival = float(light[order[1]] / light[order[0]]) if count > 1 else 0.0
+    x, y = window.left + float(column) + 0.5, window.top + float(row) + 0.5
+    return Highlight(x, y, radius, unsure, clipped, rival, _colour(window.excess[spot].sum(axis=0)))
 
 
 def _colour(values: Doubles) -> tuple[float, float, float]:

@@ -247,13 +247,8 @@ class _Fit:
         inverse = np.linalg.inv(self.information)[:6, :6]
         spread = np.sqrt(np.maximum(np.diag(inverse), 0).reshape(3, 2).sum(axis=1))
         residuals = self.residuals(self.shading())[self.paint, np.arange(len(self.paint))]
-        return LightsOnMesh(
-            self.lights,
-            own / np.diag(own)[:, None],
-            np.degrees(spread),
-            float(np.median(np.abs(residuals))),
-            len(self.mixings),
-        )
+        mixing, residual = own / np.diag(own)[:, None], float(np.median(np.abs(residuals)))
+        return LightsOnMesh(self.lights, mixing, np.degrees(spread), residual, len(self.mixings))
 
 
 def _two_groups(values: Doubles) -> Indices:

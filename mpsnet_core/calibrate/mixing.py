@@ -160,16 +160,11 @@ def _fitted(points: Doubles, colours: Doubles, ball: Ball, rig: LightRig, allowe
     variances = np.zeros(12 + OTHERS)
     variances[free] = np.diag(np.linalg.pinv(left[np.ix_(free, free)], hermitian=True))
     doubt = scale * np.sqrt(variances[:12] * len(points) / INDEPENDENT).reshape(3, 4)[:, :3] / largest
-    return MixingFound(
-        answer[:3].T / largest,
-        float(np.sqrt((weight * error**2).sum() / weight.sum()) / colours[used].mean()),
-        answer[3] / largest,
-        len(points),
-        float(1 - used.mean()),
-        ball,
-        uncertainty=float(doubt[~np.eye(3, dtype=bool)].max()),
-        unexplained=float((error**2).mean() / colours.var(axis=0).mean()),
-    )
+    residual = float(np.sqrt((weight * error**2).sum() / weight.sum()) / colours[used].mean())
+    unsure, left_out = float(doubt[~np.eye(3, dtype=bool)].max()), float(1 - used.mean())
+    unexplained, mixing = float((error**2).mean() / colours.var(axis=0).mean()), answer[:3].T / largest
+    ambient = answer[3] / largest
+    return MixingFound(mixing, residual, ambient, len(points), left_out, ball, True, unsure, unexplained)
 
 
 def _by_sectors(points: Doubles, colours: Doubles, ball: Ball, rig: LightRig, found: MixingFound) -> float:
@@ -384,15 +379,11 @@ def _checked(found: MixingFound) -> MixingFound:
             "order red, green, blue? [light-order]"
         )
     if found.residual > POOR:
-        log.warning(
+        words = (
             "the matrix leaves %.0f%% of the brightness unexplained: is the ball or card matt, grey and evenly lit, "
-            "and does the rig belong to this photo?",
-            100 * found.residual,
         )
+        log.warning(words + "and does the rig belong to this photo?", 100 * found.residual)
     if np.abs(found.ambient).max() > AMBIENT:
-        log.info(
-            "there is ambient light, %.0f%% as bright as the brightest lamp: darken the room, or subtract a "
-            "photo with the lamps off [room-light]",
-            100 * np.abs(found.ambient).max(),
-        )
+        words = "there is ambient light, %.0f%% as bright as the brightest lamp: darken the room, or subtract a photo "
+        log.info(words + "with the lamps off [room-light]", 100 * np.abs(found.ambient).max())
     return found

@@ -70,12 +70,10 @@ def as_channels(photos: Sequence[StrPath], *, encoding: Encoding = "auto") -> Im
     if len(photos) != 3:
         raise SettingsError(f"{len(photos)} photo(s) where three are needed, one for each light in the rig's order")
     images = _read(photos, encoding, grey=True)
-    means = [
-        np.where(
-            image.saturated.any(axis=-1), np.maximum(np.float32(1), image.pixels.max()), image.pixels.mean(axis=-1)
-        )
-        for image in images
-    ]
+    means = []
+    for image in images:
+        clipped, full = image.saturated.any(axis=-1), np.maximum(np.float32(1), image.pixels.max())
+        means.append(np.where(clipped, full, image.pixels.mean(axis=-1)))
     return _together(images, np.stack(means, axis=-1))
 
 

@@ -318,13 +318,10 @@ def predict_patches(network: NetworkRunner, card: ModelCard, capture: Capture, p
     inputs = {name: np.concatenate([maps[f] for f in features]) for name, features in card.inputs.items()}
     # Constants are shared by all patches; the other inputs are views, indexed by each patch's middle pixel.
     constants = {name: values for name, values in inputs.items() if CONSTANTS.intersection(card.inputs[name])}
-    windows = {
-        name: np.lib.stride_tricks.sliding_window_view(
-            np.pad(values, [(0, 0), (reach, reach), (reach, reach)]), (len(values), side, side)
-        )[0]
-        for name, values in inputs.items()
-        if name not in constants
-    }
+    windows = {}
+    for name in inputs.keys() - constants.keys():
+        padded = np.pad(inputs[name], [(0, 0), (reach, reach), (reach, reach)])
+        windows[name] = np.lib.stride_tricks.sliding_window_view(padded, (len(padded), side, side))[0]
     output = np.zeros((*capture.mask.shape, 4), np.float32)
     inside = output[box]
     rows, columns = np.nonzero(mask)

@@ -8,7 +8,7 @@ import threading
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future, wait
 from dataclasses import replace
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 from typing import TypeVar
 
@@ -300,15 +300,9 @@ def _in_a_thread(work: Callable[[], T], stop: Callable[[], None] = lambda: None)
     return outcome.result()
 
 
-_RUNTIME_ERRORS: tuple[type[Exception], ...] = (
-    RuntimeError,
-    ValueError,
-    *(
-        error
-        for error in vars(onnxruntime.capi.onnxruntime_pybind11_state).values()
-        if isinstance(error, type) and issubclass(error, Exception)
-    ),
-)
+_OF_RUNTIME = vars(onnxruntime.capi.onnxruntime_pybind11_state).values()
+_KINDS = [kind for kind in _OF_RUNTIME if isinstance(kind, type) and issubclass(kind, Exception)]
+_RUNTIME_ERRORS: tuple[type[Exception], ...] = (RuntimeError, ValueError, *_KINDS)
 
 
 def open_session(path: Path, provider: str, threads: int) -> onnxruntime.InferenceSession:
@@ -330,11 +324,9 @@ def open_session(path: Path, provider: str, threads: int) -> onnxruntime.Inferen
     try:
         # With fallback, a failure prints to stdout and tries the CPU again, which is useless if the CPU just failed.
         fallback = int(provider != "cpu")
-        return _in_a_thread(  # which computes what is constant
-            lambda: onnxruntime.InferenceSession(
-                str(path), options, providers=[PROVIDERS[provider]], enable_fallback=fallback
-            )
-        )
+        names = [PROVIDERS[provider]]
+        opened = partial(onnxruntime.InferenceSession, str(path), options, providers=names, enable_fallback=fallback)
+        return _in_a_thread(opened)  # which computes what is constant
     except _RUNTIME_ERRORS as error:
         reason = " ".join(str(error).split())[:200]
         raise FormatError(f"model file {path} is no ONNX model that can be run ({reason}); export it again") from None

@@ -66,16 +66,9 @@ def sample_from_cycles(
         index = layer("IndexMA" if old else "Material Index", "X", "V")  # V if the compositor wrote it
         material = np.rint(index[..., 0]).astype(np.int64)
     depth, lit = _traced(recipe, RayScene(vertices, triangles), vertices, triangles, normals, covered)
-    return Sample(
-        lights=np.where(covered[..., None], np.maximum(lights, 0), np.float32(0)),
-        normals=normals,
-        depth=depth,
-        alpha=alpha,
-        material=np.where(covered, material, -1).astype(np.int32),
-        lit=lit,
-        recipe=recipe,
-        renderer=renderer,
-    )
+    lights = np.where(covered[..., None], np.maximum(lights, 0), np.float32(0))
+    material = np.where(covered, material, -1).astype(np.int32)
+    return Sample(lights, normals, depth, alpha, material, lit, recipe, renderer)
 
 
 def _planes(path: Path) -> dict[str, Singles]:

@@ -149,14 +149,9 @@ def _fit(capture: Capture) -> Grain | None:
     terms = np.stack([np.ones_like(x), x, y, x * x, x * y, y * y], axis=-1) * np.sqrt(weight)[:, None]
     explained = terms @ np.linalg.lstsq(terms, brightness * np.sqrt(weight), rcond=None)[0]
     explained -= np.sqrt(weight) * float(np.sqrt(weight) @ explained)
-    return Grain(
-        gains,
-        deviation(brightness),
-        float(np.linalg.norm(explained)),
-        float(np.linalg.eigvalsh(equations)[1]),
-        float((weight > 0).mean()),
-        float(np.sqrt(weight @ np.square(directions - weight @ directions).sum(axis=-1))),
-    )
+    by_direction, determined = float(np.linalg.norm(explained)), float(np.linalg.eigvalsh(equations)[1])
+    spread = float(np.sqrt(weight @ np.square(directions - weight @ directions).sum(axis=-1)))
+    return Grain(gains, deviation(brightness), by_direction, determined, float((weight > 0).mean()), spread)
 
 
 def _sample(capture: Capture) -> tuple[Floats, Floats]:

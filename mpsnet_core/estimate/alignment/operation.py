@@ -258,18 +258,10 @@ class Align(RunsModel, TakesMesh, ReadsPhotos):
                 write_picture(self.overlay, self._picture(capture, faces, fits, pairs, left_out))
         progress(1.0, "done")
         residuals = None if pairs is None else reprojection_errors(best.camera, *pairs).round(2).tolist()
-        return CameraFound(
-            self.output,
-            round(best.outline, 2),
-            round(best.degrees, 1),
-            round(best.overlap, 4),
-            poor or turned_over,
-            turned_over,
-            residuals,
-            [number + 1 for number in left_out] or None,
-            [str(path) for path, _ in others] or None,
-            text=f"{self.output}: {quality}; lens of {best.camera.focal_35mm:.0f} mm",
-        )
+        text = f"{self.output}: {quality}; lens of {best.camera.focal_35mm:.0f} mm"
+        facts = round(best.outline, 2), round(best.degrees, 1), round(best.overlap, 4), poor or turned_over, turned_over
+        numbers, files = [number + 1 for number in left_out] or None, [str(path) for path, _ in others] or None
+        return CameraFound(self.output, *facts, residuals, numbers, files, text=text)
 
     def _warn(self, fits: "list[Fit]", quality: str, turned_over: bool, poor: bool) -> None:
         """Warn of a fit that may be wrong."""

@@ -351,12 +351,9 @@ def _valid(capture: Capture, rows: slice) -> Bools:
 
 
 def _picture(capture: Capture, estimate: NormalMap, rows: slice) -> _Pixels:
-    return _Pixels(
-        capture.rig.unmixed(capture.image[rows].astype(np.float32, copy=False)),
-        lights_in(capture, rows),
-        estimate.vectors[rows].astype(np.float32),
-        (1 - estimate.confidence[rows].astype(np.float32)) * np.float32(RIGHT_ANGLE),
-    )
+    light = capture.rig.unmixed(capture.image[rows].astype(np.float32, copy=False))
+    error = (1 - estimate.confidence[rows].astype(np.float32)) * np.float32(RIGHT_ANGLE)
+    return _Pixels(light, lights_in(capture, rows), estimate.vectors[rows].astype(np.float32), error)
 
 
 def _refine_bands(
@@ -370,16 +367,9 @@ def _refine_bands(
     for rows in bands(height, TILE):
         window = _grown(rows, around, height)
         results = estimate.vectors[rows].copy(), estimate.confidence[rows].copy()
-        refine = partial(
-            _refine_tile,
-            _picture(capture, estimate, window),
-            _valid(capture, window),
-            slice(rows.start - window.start, rows.stop - window.start),
-            albedo,
-            around,
-            results,
-        )
-        on_all_cores(refine, bands(width, TILE))
+        pixels, valid = _picture(capture, estimate, window), _valid(capture, window)
+        own = slice(rows.start - window.start, rows.stop - window.start)
+        on_all_cores(partial(_refine_tile, pixels, valid, own, albedo, around, results), bands(width, TILE))
         yield rows, *results
 
 

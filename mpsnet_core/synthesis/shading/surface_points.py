@@ -83,15 +83,8 @@ class Surface:
         lift_to_curve(lift, place, weights, corners, normals)
         normal = bumped(self.bump, place, smooth) @ self.turn if bump else smooth @ self.turn
         position = place @ self.turn
-        return SurfacePoints(
-            position,
-            position + lift @ self.turn,
-            smooth @ self.turn,
-            _facing(normal, view),
-            view,
-            place,
-            self.parts[hits.triangle],
-        )
+        start, smooth, normal = position + lift @ self.turn, smooth @ self.turn, _facing(normal, view)
+        return SurfacePoints(position, start, smooth, normal, view, place, self.parts[hits.triangle])
 
     def _face(self, smooth: Singles, normals: list[Singles], corners: list[Singles], view: Singles) -> None:
         """Flip normals in place where the surface is seen from behind."""
