@@ -5,15 +5,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
+from mpsnet_core.arrays.types import Floats
+
 
 def bilinear(
-    image: NDArray[Any],
-    x: NDArray[np.floating[Any]],
-    y: NDArray[np.floating[Any]],
-    dtype: DTypeLike = np.float64,
-    *,
-    repeat: bool = False,
-) -> NDArray[np.floating[Any]]:
+    image: NDArray[Any], x: Floats, y: Floats, dtype: DTypeLike = np.float64, *, repeat: bool = False
+) -> Floats:
     """Values of an image (H, W) or (H, W, C) at pixel coordinates `x` to the right and `y` down, in their shape.
 
     Pixel centres are at index + 0.5. Beyond the outermost centres, values are clamped to the border, or the image

@@ -1,12 +1,11 @@
 """Downsampling by block means."""
 
-from typing import Any
-
 import numpy as np
-from numpy.typing import NDArray
+
+from mpsnet_core.arrays.types import F32, Bools, Floats
 
 
-def block_means(pixels: NDArray[np.floating[Any]], factor: int) -> NDArray[np.float32]:
+def block_means(pixels: Floats, factor: int) -> F32:
     """(⌈H/factor⌉, ⌈W/factor⌉, C) means of blocks of factor x factor pixels. Non-finite values count as 0."""
     height, width, channels = pixels.shape
     starts = np.arange(0, width, factor)
@@ -18,9 +17,7 @@ def block_means(pixels: NDArray[np.floating[Any]], factor: int) -> NDArray[np.fl
     return small
 
 
-def means_inside(
-    image: NDArray[np.float32], mask: NDArray[np.bool_], halvings: int
-) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
+def means_inside(image: F32, mask: Bools, halvings: int) -> tuple[F32, Bools]:
     """Means (h, w, C) of an image (H, W, C) over a mask (H, W), in blocks of 2**halvings pixels on a side.
 
     Also returns (h, w) which blocks contain pixels of the mask; the mean of others is 0. The image must be finite

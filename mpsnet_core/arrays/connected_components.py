@@ -1,10 +1,11 @@
 """Connected components of graphs."""
 
 import numpy as np
-from numpy.typing import NDArray
+
+from mpsnet_core.arrays.types import I64
 
 
-def connected(count: int, one: NDArray[np.int64], other: NDArray[np.int64]) -> NDArray[np.int64]:
+def connected(count: int, one: I64, other: I64) -> I64:
     """(count,) the smallest node of each node's connected component, given the edges (one, other).
 
     Union-find, all edges at a time.

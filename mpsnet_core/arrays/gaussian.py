@@ -1,12 +1,10 @@
 """Gaussian smoothing."""
 
 from collections.abc import Iterable
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-Floats = NDArray[np.floating[Any]]
+from mpsnet_core.arrays.types import Floats
 
 BAND = 64  # rows
 

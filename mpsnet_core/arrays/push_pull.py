@@ -4,10 +4,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mpsnet_core.arrays.row_bands import bands
+from mpsnet_core.arrays.types import F32, Bools
 from mpsnet_core.arrays.upsample import upsampled
 
 
-def push_pull(values: NDArray[np.float32], known: NDArray[np.bool_]) -> NDArray[np.float32]:
+def push_pull(values: F32, known: Bools) -> F32:
     """Values (H, W) or (H, W, C), extrapolated smoothly from where they are `known`, (H, W) bool, to all other pixels.
 
     An image pyramid: each level halves the image by the mean of the known pixels among four, and unknown pixels are
@@ -34,6 +35,6 @@ def push_pull(values: NDArray[np.float32], known: NDArray[np.bool_]) -> NDArray[
     return whole
 
 
-def _like(picture: NDArray[np.generic], values: NDArray[np.float32]) -> NDArray[np.generic]:
+def _like(picture: NDArray[np.generic], values: F32) -> NDArray[np.generic]:
     """An image (H, W) in a shape that broadcasts with values (H, W) or (H, W, C)."""
     return picture if values.ndim == 2 else picture[..., None]

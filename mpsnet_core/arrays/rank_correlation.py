@@ -5,6 +5,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from mpsnet_core.arrays.types import F64
+
 MIN_COUNT = 10
 
 
@@ -15,8 +17,8 @@ def rank_correlation(one: NDArray[np.number[Any]], other: NDArray[np.number[Any]
     return float(np.corrcoef(_ranks(one), _ranks(other))[0, 1])
 
 
-def _ranks(values: NDArray[np.number[Any]]) -> NDArray[np.float64]:
+def _ranks(values: NDArray[np.number[Any]]) -> F64:
     """Ranks from 1; ties share the mean of theirs."""
     _, inverse, count = np.unique(values, return_inverse=True, return_counts=True)
-    ranks: NDArray[np.float64] = (np.cumsum(count) - (count - 1) / 2)[inverse.reshape(-1)]
+    ranks: F64 = (np.cumsum(count) - (count - 1) / 2)[inverse.reshape(-1)]
     return ranks

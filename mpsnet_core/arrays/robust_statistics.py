@@ -1,9 +1,8 @@
 """Robust scale and weights for least squares with outliers."""
 
-from typing import Any
-
 import numpy as np
-from numpy.typing import NDArray
+
+from mpsnet_core.arrays.types import F64, Floats
 
 # The weight is zero beyond this many standard deviations: 95% efficiency on normal errors.
 TUKEY = 4.685
@@ -11,12 +10,12 @@ TUKEY = 4.685
 DEVIATIONS = 1.4826
 
 
-def deviation(errors: NDArray[np.floating[Any]], minimum: float = 1e-12) -> float:
+def deviation(errors: Floats, minimum: float = 1e-12) -> float:
     """Standard deviation of errors, estimated from their median absolute value; at least `minimum`."""
     return max(DEVIATIONS * float(np.median(np.abs(errors))), minimum)
 
 
-def biweight(errors: NDArray[np.float64], scale: float) -> NDArray[np.float64]:
+def biweight(errors: F64, scale: float) -> F64:
     """Weights from 0 to 1 by Tukey's biweight (Beaton and Tukey 1974), for errors of standard deviation `scale`."""
-    weights: NDArray[np.float64] = np.maximum(1 - np.square(errors / (TUKEY * scale)), 0.0) ** 2.0
+    weights: F64 = np.maximum(1 - np.square(errors / (TUKEY * scale)), 0.0) ** 2.0
     return weights

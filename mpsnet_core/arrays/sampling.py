@@ -4,7 +4,8 @@ import math
 from collections.abc import Iterator
 
 import numpy as np
-from numpy.typing import NDArray
+
+from mpsnet_core.arrays.types import Bools
 
 
 def grid_step(count: int, wanted: int) -> int:
@@ -12,7 +13,7 @@ def grid_step(count: int, wanted: int) -> int:
     return max(1, round(math.sqrt(count / wanted)))
 
 
-def sampled_rows(mask: NDArray[np.bool_], wanted: int) -> Iterator[tuple[slice, NDArray[np.bool_]]]:
+def sampled_rows(mask: Bools, wanted: int) -> Iterator[tuple[slice, Bools]]:
     """Yield about `wanted` pixels spread over a mask (H, W): a row as a slice, and (1, W) which of its pixels."""
     step = grid_step(np.count_nonzero(mask), wanted)
     for row in range(0, len(mask), step):

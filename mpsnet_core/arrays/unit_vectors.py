@@ -5,6 +5,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from mpsnet_core.arrays.types import F32, F64
+
 # Vectors of single precision that are shorter than this have no direction.
 SHORTEST = 1e-12
 # Those of double precision: the areas of a mesh's faces are far smaller in kilometres than in millimetres.
@@ -29,16 +31,16 @@ def normalised(vectors: NDArray[Any]) -> NDArray[Any]:
     return unit
 
 
-def transformed(matrix: NDArray[np.float32], vectors: NDArray[np.float32]) -> NDArray[np.float32]:
+def transformed(matrix: F32, vectors: F32) -> F32:
     """(M, N) a matrix (M, 3) times vectors (3, N). A column's result does not depend on the number of columns.
 
     With BLAS it would: few columns, and the last ones, take other code paths with other rounding.
     """
-    product: NDArray[np.float32] = np.einsum("mi,in->mn", matrix, vectors)
+    product: F32 = np.einsum("mi,in->mn", matrix, vectors)
     return product
 
 
-def angular_error(estimate: ArrayLike, truth: ArrayLike) -> NDArray[np.float64]:
+def angular_error(estimate: ArrayLike, truth: ArrayLike) -> F64:
     """Angle between unit vectors, by the half-angle formula of Kahan: arccos loses its digits near 0° and 180°.
 
     Parameters
@@ -61,5 +63,5 @@ def angular_error(estimate: ArrayLike, truth: ArrayLike) -> NDArray[np.float64]:
     [180.0, 90.0]
     """
     a, b = np.asarray(estimate, np.float64), np.asarray(truth, np.float64)
-    angle: NDArray[np.float64] = 2 * np.arctan2(np.linalg.norm(a - b, axis=-1), np.linalg.norm(a + b, axis=-1))
+    angle: F64 = 2 * np.arctan2(np.linalg.norm(a - b, axis=-1), np.linalg.norm(a + b, axis=-1))
     return np.degrees(angle)

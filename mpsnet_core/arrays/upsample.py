@@ -1,7 +1,8 @@
 """Reduced sizes for smooth images, and bilinear upsampling back."""
 
 import numpy as np
-from numpy.typing import NDArray
+
+from mpsnet_core.arrays.types import F32, I64
 
 
 def reduced_shape(height: int, width: int, longest: int) -> tuple[int, int]:
@@ -14,9 +15,7 @@ def reduced_shape(height: int, width: int, longest: int) -> tuple[int, int]:
     return max(1, round(height * scale)), max(1, round(width * scale))
 
 
-def chosen_pixels(
-    small_height: int, small_width: int, height: int, width: int
-) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+def chosen_pixels(small_height: int, small_width: int, height: int, width: int) -> tuple[I64, I64]:
     """(h,) rows and (w,) columns of a large image's pixels at the centres of a small one's.
 
     The other way round, with the sizes swapped, those of the small image's pixels that contain the large one's centres.
@@ -26,12 +25,12 @@ def chosen_pixels(
     return rows, columns
 
 
-def upsampled(values: NDArray[np.float32], shape: tuple[int, ...], rows: slice) -> NDArray[np.float32]:
+def upsampled(values: F32, shape: tuple[int, ...], rows: slice) -> F32:
     """Values (h, w, ...) of a small image, interpolated bilinearly for `rows` of a large one of `shape` (H, W)."""
     return _along(_along(values, 0, shape[0], rows), 1, shape[1], slice(None))
 
 
-def _along(values: NDArray[np.float32], axis: int, length: int, chosen: slice) -> NDArray[np.float32]:
+def _along(values: F32, axis: int, length: int, chosen: slice) -> F32:
     count = values.shape[axis]
     if count == length:
         return values[(slice(None),) * axis + (chosen,)]
@@ -39,5 +38,5 @@ def _along(values: NDArray[np.float32], axis: int, length: int, chosen: slice) -
     first = np.minimum(position.astype(np.int64), max(count - 2, 0))
     weight = (position - first).astype(np.float32).reshape([-1 if a == axis else 1 for a in range(values.ndim)])
     low, high = values.take(first, axis), values.take(np.minimum(first + 1, count - 1), axis)
-    interpolated: NDArray[np.float32] = low + weight * (high - low)
+    interpolated: F32 = low + weight * (high - low)
     return interpolated

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from mpsnet_core.arrays.push_pull import push_pull
 from mpsnet_core.arrays.rasterize import Raster, TextureSize, texel_areas, width_and_height
 from mpsnet_core.arrays.row_bands import bands, on_all_cores
+from mpsnet_core.arrays.types import F32, F64, I32, I64, Bools
 from mpsnet_core.arrays.unit_vectors import normalised
 from mpsnet_core.bake.fill import fill_unseen
 from mpsnet_core.bake.fill_colours import SeamEdges, fill_colours
@@ -207,9 +208,9 @@ class _Bake:
     """The meshes."""
     projectors: Projectors
     """The views' projectors."""
-    seen: Sequence[NDArray[np.bool_]]
+    seen: Sequence[Bools]
     """For each mesh, (T,) whether a view sees the centres of its triangles."""
-    middle: NDArray[np.float64]
+    middle: F64
     """(3,). The scene's centre in world space."""
     baking: BakeSettings
     """How the textures are baked."""
@@ -277,13 +278,11 @@ class _Bake:
         """The seams of the texture set's meshes in its unit square, with the islands' numbers of :meth:`_islands`."""
         assert self.islands is not None
         first = np.cumsum([0, *(one.count for one in self.islands)])
-        uvs: NDArray[np.float64] = np.concatenate([one.seam_uvs for one in self.islands]) - np.array(
-            texture_set.corner, np.float64
-        )
+        uvs: F64 = np.concatenate([one.seam_uvs for one in self.islands]) - np.array(texture_set.corner, np.float64)
         numbered = [one.seam_islands + before for one, before in zip(self.islands, first, strict=False)]
         return SeamEdges(uvs - np.array(texture_set.corner, np.float64), np.concatenate(numbered).astype(np.int32))
 
-    def _islands(self, texture_set: TextureSet) -> NDArray[np.int32] | None:
+    def _islands(self, texture_set: TextureSet) -> I32 | None:
         """The UV island of each of the texture set's triangles, in the order of :meth:`texture`'s corners."""
         if self.islands is None:
             return None
@@ -291,7 +290,7 @@ class _Bake:
         for triangles, islands in zip(texture_set.parts, self.islands, strict=True):
             numbers.append(first + (islands.of_triangle if triangles is None else islands.of_triangle[triangles]))
             first += islands.count
-        together: NDArray[np.int32] = np.concatenate(numbers)
+        together: I32 = np.concatenate(numbers)
         return together
 
     def _sample(self, points: Texture, under: "_RasterisedSurfaces", rows: slice, progress: Progress) -> None:
@@ -338,10 +337,10 @@ class _Bake:
     def _finish(
         self,
         points: Texture,
-        texels: NDArray[np.int64],
+        texels: I64,
         surface: TexelSampler,
         place: Barycentric,
-        normal: NDArray[np.float32],
+        normal: F32,
         sums: ViewAccumulator,
     ) -> None:
         """Write the accumulated means at the texels of these flat indices.
@@ -375,12 +374,12 @@ class _RasterisedSurfaces:
 
     surfaces: Sequence[TexelSampler]
     """The meshes' surfaces."""
-    order: NDArray[np.int64]
+    order: I64
     """For each triangle of `raster`, its index among the concatenated triangles of all surfaces."""
     raster: Raster
     """Rasterised triangles of all surfaces, concatenated and sorted by `order`."""
 
-    def patches(self, laid: NDArray[np.int32]) -> Iterator[tuple[TexelSampler, NDArray[np.int64], NDArray[np.int64]]]:
+    def patches(self, laid: I32) -> Iterator[tuple[TexelSampler, I64, I64]]:
         """Yield each surface with (N,) its triangles and (N,) the flat indices of the points above them.
 
         laid: (R, C) triangle numbers, rows of the raster.

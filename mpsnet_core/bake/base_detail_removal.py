@@ -9,11 +9,11 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mpsnet_core.arrays.bilinear import bilinear
 from mpsnet_core.arrays.rotations import rotated, rotation_between
 from mpsnet_core.arrays.row_bands import bands
+from mpsnet_core.arrays.types import F32, Bools
 from mpsnet_core.arrays.unit_vectors import normalised
 from mpsnet_core.arrays.upsample import chosen_pixels, reduced_shape
 from mpsnet_core.bake.detail_blending import resampled
@@ -49,11 +49,11 @@ class BaseMap:
         If `shown` is none of these.
     """
 
-    vectors: NDArray[np.float32]
+    vectors: F32
     """(H, W, 3) float32. Unit vectors in tangent space, row 0 at v = 1."""
     shown: BaseMapInPhotos = "auto"
     """Whether the photos show its relief, too: "yes", "no", or "auto" to estimate the share of it."""
-    triangles: NDArray[np.bool_] | None = None
+    triangles: Bools | None = None
     """(T,) bool. Triangles of the mesh that it applies to; all by default."""
     corner: tuple[int, int] | None = None
     """Lower left corner of the unit square of UV space (UDIM tile) that it covers; by default it covers 0 to 1, and
@@ -141,14 +141,14 @@ def log_shares(shares: Sequence[Sequence[float]]) -> None:
         log.info("%s show %.0f%% of the existing map's relief, which is not added to it again", views, 100 * share)
 
 
-def _share(view: NDArray[np.float32], relief: NDArray[np.float32]) -> float:
+def _share(view: F32, relief: F32) -> float:
     """The least-squares share of a map's relief (N, 3) in a view's (N, 3), both as offsets from the mesh's normals."""
     known = float((relief * relief).sum(dtype=np.float64)) + len(relief) * FAINT**2
     share = float((view * relief).sum(dtype=np.float64)) / known
     return min(share, 1.0) if share >= MIN_SHARE else 0.0
 
 
-def _mask_of_map(mask: NDArray[np.bool_], camera: Camera, mesh: Mesh, base_map: BaseMap) -> NDArray[np.bool_]:
+def _mask_of_map(mask: Bools, camera: Camera, mesh: Mesh, base_map: BaseMap) -> Bools:
     """(H, W) the mask, limited to the bounding rectangle in the image of the triangles that the map applies to."""
     if base_map.triangles is None:
         return mask
@@ -158,18 +158,18 @@ def _mask_of_map(mask: NDArray[np.bool_], camera: Camera, mesh: Mesh, base_map: 
     return inside
 
 
-def _map_applies(seen: MeshHits, base_map: BaseMap) -> NDArray[np.bool_]:
+def _map_applies(seen: MeshHits, base_map: BaseMap) -> Bools:
     """(M,) whether the map applies at each surface point."""
     applies = np.ones(len(seen.triangle), bool) if base_map.triangles is None else base_map.triangles[seen.triangle]
     if base_map.corner is None:
         return applies
-    on_tile: NDArray[np.bool_] = np.all(np.floor(seen.at(seen.mesh.uvs)) == base_map.corner, axis=1)
+    on_tile: Bools = np.all(np.floor(seen.at(seen.mesh.uvs)) == base_map.corner, axis=1)
     return applies & on_tile
 
 
 def _shading_normals(
-    mask: NDArray[np.bool_], camera: Camera, mesh: Mesh, scene: RayScene, base_map: BaseMap
-) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.bool_]]:
+    mask: Bools, camera: Camera, mesh: Mesh, scene: RayScene, base_map: BaseMap
+) -> tuple[F32, F32, Bools]:
     """Shading normals (H, W, 3) of the mesh without and with its base map, in camera space, and (H, W) their validity.
 
     They are valid where the mesh is seen within the mask and the map applies.
@@ -194,9 +194,7 @@ def _shading_normals(
     return without_map, with_map, visible
 
 
-def _reduce_to_photo_resolution(
-    base_map: BaseMap, mask: NDArray[np.bool_], camera: Camera, mesh: Mesh, scene: RayScene
-) -> NDArray[np.float32]:
+def _reduce_to_photo_resolution(base_map: BaseMap, mask: Bools, camera: Camera, mesh: Mesh, scene: RayScene) -> F32:
     """The map, reduced to about the photo's resolution on the surface: the photo does not show finer relief."""
     height, width = mask.shape
     rows, columns = chosen_pixels(*reduced_shape(height, width, PROBED_PIXELS), height, width)

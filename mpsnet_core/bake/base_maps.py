@@ -1,19 +1,19 @@
 """Base maps of textures, found by the tokens of the textures' names or in a list file."""
 
 import logging
-import os
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mpsnet_core.arrays.types import F32, Bools
 from mpsnet_core.bake.base_detail_removal import BaseMap, BaseMapInPhotos
 from mpsnet_core.bake.detail_blending import read_base_map
 from mpsnet_core.bake.map_list import ListedMap, read_map_list
 from mpsnet_core.defaults import CONVENTIONS
 from mpsnet_core.errors import FileError, SettingsError, check_choice
+from mpsnet_core.io.opening import AnyPath
 from mpsnet_core.scene.mesh import Mesh
 from mpsnet_core.scene.normal_encoding import Convention
 from mpsnet_core.scene.texture_names import TOKENS, check_one_texture, map_files
@@ -32,9 +32,7 @@ class MapFile:
     """Which way its green channel points."""
 
 
-def base_map_files(
-    given: str | os.PathLike[str], convention: Convention, texture_sets: Sequence[TextureSet]
-) -> list[MapFile | None]:
+def base_map_files(given: AnyPath, convention: Convention, texture_sets: Sequence[TextureSet]) -> list[MapFile | None]:
     """The base map of each texture set, None where there is none.
 
     given: an image, whose name may contain the same tokens <UDIM>, <MATERIAL> and <OBJECT> as the textures' names; or a
@@ -110,7 +108,7 @@ class BaseMaps(Sequence[BaseMap]):
                 )
         self._maps = [(*key, _triangles(parts, meshes)) for key, parts in together.items()]
         self._number = {texture_set: number for number, parts in enumerate(together.values()) for texture_set in parts}
-        self._last: tuple[MapFile, NDArray[np.float32]] | None = None
+        self._last: tuple[MapFile, F32] | None = None
         for map_file in dict.fromkeys(key for key, _ in together):
             self._vectors(map_file)  # an unreadable map fails before the long work
 
@@ -121,7 +119,7 @@ class BaseMaps(Sequence[BaseMap]):
         one, corner, triangles = self._maps[number]
         return BaseMap(self._vectors(one), self.shown, triangles, corner)
 
-    def vectors_for(self, texture_set: TextureSet) -> NDArray[np.float32] | None:
+    def vectors_for(self, texture_set: TextureSet) -> F32 | None:
         """(H, W, 3) the vectors of a texture set's base map, None if it has none."""
         number = self._number.get(texture_set)
         return None if number is None else self._vectors(self._maps[number][0])
@@ -130,14 +128,14 @@ class BaseMaps(Sequence[BaseMap]):
         """The maps whose relief the photos may show."""
         return () if self.shown == "no" else self
 
-    def _vectors(self, map_file: MapFile) -> NDArray[np.float32]:
+    def _vectors(self, map_file: MapFile) -> F32:
         if self._last is None or self._last[0] != map_file:
             self._last = None  # free it before the next is read: each may be large
             self._last = map_file, read_base_map(map_file.file, convention=map_file.convention)
         return self._last[1]
 
 
-def _triangles(texture_sets: Sequence[TextureSet], meshes: Sequence[Mesh]) -> NDArray[np.bool_] | None:
+def _triangles(texture_sets: Sequence[TextureSet], meshes: Sequence[Mesh]) -> Bools | None:
     """(T,) which of the meshes' triangles belong to the texture sets; None for all."""
     if any(all(part is None for part in texture_set.parts) for texture_set in texture_sets):
         return None

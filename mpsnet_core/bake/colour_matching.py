@@ -7,11 +7,10 @@ or light changed. The ratio of the colours of two views at a common point shows 
 import logging
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mpsnet_core.arrays.types import F32, F64, Bools, Floats
 from mpsnet_core.bake.projection import View
 from mpsnet_core.bake.view_agreement import agreement
 from mpsnet_core.scene.joined_mesh import join_meshes
@@ -28,7 +27,7 @@ DARK = 0.02
 BRIGHTEST_PERCENTILE = 99.5
 
 
-def colour_gains(samples: Sequence[NDArray[np.float32]]) -> NDArray[np.float32]:
+def colour_gains(samples: Sequence[F32]) -> F32:
     """(V, 3) gains for the channels of V views that make them agree where they see the same surface.
 
     samples: for each view (N, 4) what it sees at N points of the surface: the colour times its weight, and the weight.
@@ -78,18 +77,18 @@ def matched_views(views: Sequence[View], meshes: Sequence[Mesh], feather: float)
     return [matched(view, gain) for view, gain in zip(views, gains, strict=True)]
 
 
-def matched(view: View, gain: NDArray[np.float32]) -> View:
+def matched(view: View, gain: F32) -> View:
     """The view with its colours times the gain (3,)."""
     return view if view.colours is None else replace(view, colours=view.colours * gain)
 
 
-def _bright(values: NDArray[np.float32], seen: NDArray[np.bool_]) -> NDArray[np.bool_]:
+def _bright(values: F32, seen: Bools) -> Bools:
     """(N, 3) where a view's colours (N, 3) are bright enough for ratios."""
     least = DARK * np.percentile(values[seen], 99, axis=0) if seen.any() else np.zeros(3)
     return seen[:, None] & (values > np.maximum(least, 1e-9))
 
 
-def _darkening(before: NDArray[np.floating[Any]], after: NDArray[np.floating[Any]]) -> float:
+def _darkening(before: Floats, after: Floats) -> float:
     """The factor, at most 1, on all gains that prevents clipping."""
     if not len(before):
         return 1.0
@@ -97,7 +96,7 @@ def _darkening(before: NDArray[np.floating[Any]], after: NDArray[np.floating[Any
     return min(1.0, max(1.0, was) / max(now, 1e-12))
 
 
-def _log_gains(gains: NDArray[np.float64], alone: NDArray[np.bool_]) -> None:
+def _log_gains(gains: F64, alone: Bools) -> None:
     if len(gains) < 2:
         return
     log.info("the views' colours are matched, by gains of %.3g to %.3g", gains.min(), gains.max())

@@ -1,17 +1,17 @@
 """Detail added on top of an object's base map, whose relief is kept."""
 
-import os
 from dataclasses import replace
 
 import numpy as np
 import OpenImageIO as oiio
-from numpy.typing import NDArray
 
 from mpsnet_core.arrays.rasterize import extend_to_nearest
 from mpsnet_core.arrays.row_bands import bands
+from mpsnet_core.arrays.types import F32
 from mpsnet_core.arrays.unit_vectors import dot, normalised
 from mpsnet_core.errors import FormatError, SettingsError
 from mpsnet_core.io.from_files import takes_files
+from mpsnet_core.io.opening import AnyPath
 from mpsnet_core.scene.normal_encoding import Convention, read_vectors
 from mpsnet_core.scene.normal_map import OUTWARDS_SHARE
 from mpsnet_core.scene.texture import Texture
@@ -24,7 +24,7 @@ NORMALS_SHARE = 0.6
 MARGIN = 16
 
 
-def read_base_map(path: str | os.PathLike[str], *, convention: Convention = "opengl") -> NDArray[np.float32]:
+def read_base_map(path: AnyPath, *, convention: Convention = "opengl") -> F32:
     """Read the tangent-space normal map of an object.
 
     Parameters
@@ -68,7 +68,7 @@ def read_base_map(path: str | os.PathLike[str], *, convention: Convention = "ope
 
 
 @takes_files
-def blend_detail(texture: Texture, base_map: NDArray[np.float32]) -> Texture:
+def blend_detail(texture: Texture, base_map: F32) -> Texture:
     """Blend the texture's normals as detail onto the base map.
 
     Parameters
@@ -108,7 +108,7 @@ def check_blending(space: str) -> None:
         raise SettingsError("only a texture in tangent space can go on top of an existing map; bake in tangent space")
 
 
-def reoriented(detail: NDArray[np.float32], base: NDArray[np.float32]) -> NDArray[np.float32]:
+def reoriented(detail: F32, base: F32) -> F32:
     """Detail (..., 3) turned by the shortest rotation from +z to the base (..., 3); unit vectors in tangent space.
 
     Reoriented Normal Mapping: Barré-Brisebois and Hill, "Blending in Detail" (2012), its closed form of the rotation,
@@ -117,11 +117,11 @@ def reoriented(detail: NDArray[np.float32], base: NDArray[np.float32]) -> NDArra
     t = base + np.array([0, 0, 1], np.float32)
     u = detail * np.array([-1, -1, 1], np.float32)
     along = dot(t, u) / np.maximum(t[..., 2], 1e-6)
-    result: NDArray[np.float32] = normalised(t * along[..., None] - u)
+    result: F32 = normalised(t * along[..., None] - u)
     return result
 
 
-def resampled(vectors: NDArray[np.float32], height: int, width: int) -> NDArray[np.float32]:
+def resampled(vectors: F32, height: int, width: int) -> F32:
     """Resample to another size: linear interpolation to enlarge, area means to reduce."""
     region = oiio.ROI(0, width, 0, height, 0, 1, 0, 3)
     result = oiio.ImageBufAlgo.resize(oiio.ImageBuf(np.ascontiguousarray(vectors)), filtername="triangle", roi=region)

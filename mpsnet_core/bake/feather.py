@@ -1,8 +1,8 @@
 """Feathering: a view's weight falls off towards its borders, to avoid visible seams."""
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mpsnet_core.arrays.types import F32, Bools
 from mpsnet_core.arrays.upsample import chosen_pixels
 from mpsnet_core.scene.visibility import Visibility
 
@@ -14,7 +14,7 @@ FAINTEST = 0.1
 WIDEST = 96
 
 
-def feathered(visibility: Visibility, mask: NDArray[np.bool_], width: float) -> NDArray[np.float32]:
+def feathered(visibility: Visibility, mask: Bools, width: float) -> F32:
     """(h, w) factors on a view's facing: FAINTEST at its borders, rising to 1 at the distance `width` from them.
 
     Like facing, the factor enters the weight by its fourth power: near its border, a view yields even to a glancing
@@ -27,11 +27,11 @@ def feathered(visibility: Visibility, mask: NDArray[np.bool_], width: float) -> 
     inside = visibility.unbroken & mask[np.ix_(*chosen_pixels(height, across, *mask.shape))]
     pixels = int(np.clip(round(width / visibility.footprint), 1, WIDEST))
     near = border_distance(inside, pixels) / np.float32(pixels)
-    share: NDArray[np.float32] = np.maximum(near * near * (3 - 2 * near), np.float32(FAINTEST))
+    share: F32 = np.maximum(near * near * (3 - 2 * near), np.float32(FAINTEST))
     return share
 
 
-def border_distance(inside: NDArray[np.bool_], limit: int) -> NDArray[np.float32]:
+def border_distance(inside: Bools, limit: int) -> F32:
     """(h, w) distance in pixels to the nearest pixel that is not inside, at most `limit`. Beyond the image is outside.
 
     An exact Euclidean distance transform: columns first, then rows.
@@ -45,5 +45,5 @@ def border_distance(inside: NDArray[np.bool_], limit: int) -> NDArray[np.float32
     nearest = np.full(inside.shape, limit**2)
     for step in range(-limit, limit + 1):
         np.minimum(nearest, vertical[:, limit + step : limit + step + width] + step**2, out=nearest)
-    distance: NDArray[np.float32] = np.sqrt(nearest).astype(np.float32)
+    distance: F32 = np.sqrt(nearest).astype(np.float32)
     return distance

@@ -3,12 +3,12 @@
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mpsnet_core.arrays.connected_components import connected
 from mpsnet_core.arrays.graph_poisson import Graph, Solver, graph_of
 from mpsnet_core.arrays.mask_regions import dilated
 from mpsnet_core.arrays.row_bands import bands
+from mpsnet_core.arrays.types import F32, I32, Bools
 from mpsnet_core.arrays.unit_vectors import dot
 from mpsnet_core.arrays.upsample import upsampled
 from mpsnet_core.errors import SettingsError
@@ -27,9 +27,7 @@ def check_filling(space: str) -> None:
         raise SettingsError("only a texture in tangent space can be filled; bake in tangent space, or do not fill")
 
 
-def fill_unseen(
-    texture: Texture, islands: NDArray[np.int32], known: NDArray[np.bool_], *, progress: Progress = silent
-) -> Texture:
+def fill_unseen(texture: Texture, islands: I32, known: Bools, *, progress: Progress = silent) -> Texture:
     """Fill the unseen texels smoothly from the rim of the seen ones.
 
     Parameters
@@ -61,9 +59,7 @@ def fill_unseen(
     return replace(texture, vectors=vectors, filled=reached & ~texture.seen)
 
 
-def _membrane(
-    xy: NDArray[np.float32], islands: NDArray[np.int32], known: NDArray[np.bool_], progress: Progress
-) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
+def _membrane(xy: F32, islands: I32, known: Bools, progress: Progress) -> tuple[F32, Bools]:
     """(H, W, 2) the values, with unknown ones solved as in :func:`fill_unseen`, and (H, W) which of these were reached.
 
     A large texture is solved at half the size first. That is exact enough where the solution is smooth; only bands
@@ -84,9 +80,7 @@ def _membrane(
     return xy, reached | settled
 
 
-def _half_size_membrane(
-    xy: NDArray[np.float32], islands: NDArray[np.int32], known: NDArray[np.bool_], progress: Progress
-) -> tuple[NDArray[np.float32], NDArray[np.int32], NDArray[np.bool_]]:
+def _half_size_membrane(xy: F32, islands: I32, known: Bools, progress: Progress) -> tuple[F32, I32, Bools]:
     """:func:`_membrane` at half the size: values, islands, and whether a texel's whole neighbourhood has values and
     lies in one island."""
     height, width = (-(-length // 2) for length in islands.shape)
@@ -113,9 +107,7 @@ def _half_size_membrane(
     return coarse, blocks, even
 
 
-def _solve(
-    xy: NDArray[np.float32], islands: NDArray[np.int32], known: NDArray[np.bool_], progress: Progress
-) -> NDArray[np.bool_]:
+def _solve(xy: F32, islands: I32, known: Bools, progress: Progress) -> Bools:
     """Solve for the unknown values in place. Returns (H, W) which of them were reached."""
     height, width = islands.shape
     none = np.empty((0, 2), np.int32)
@@ -141,7 +133,7 @@ def _solve(
     return filled
 
 
-def _reached(graph: Graph, rim: NDArray[np.bool_]) -> NDArray[np.bool_]:
+def _reached(graph: Graph, rim: Bools) -> Bools:
     """(N,) which unknowns are connected to the rim, (N,)."""
     own = np.arange(len(rim))
     ends = [(own[ahead != own], ahead[ahead != own].astype(np.int64)) for ahead in graph.neighbours[:2]]

@@ -8,11 +8,11 @@ known colours.
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mpsnet_core.arrays.connected_components import connected
 from mpsnet_core.arrays.graph_poisson import Graph, Solver
 from mpsnet_core.arrays.row_bands import bands
+from mpsnet_core.arrays.types import F32, F64, I32, I64, Bools
 
 # Blocks across a texture, and texels of each that are looked at: what is filled is smooth.
 BLOCKS, LOOKED_AT = 256, 4
@@ -26,9 +26,9 @@ _SIDES = ((1, 0), (0, 1), (-1, 0), (0, -1))
 class SeamEdges:
     """E edges of the surface that lie at two places in a texture."""
 
-    uvs: NDArray[np.float64]
+    uvs: F64
     """(E, 2 sides, 2 ends, 2). UVs in the texture's unit square."""
-    islands: NDArray[np.int32]
+    islands: I32
     """(E, 2). The islands on either side."""
 
 
@@ -42,29 +42,27 @@ class _Cells:
     """Width and height of a block in texels."""
     count: int
     """Number of islands."""
-    keys: NDArray[np.int64]
+    keys: I64
     """(N,) ascending. The block and the island of each, see :meth:`key`."""
 
-    def key(self, row: NDArray[np.int64], column: NDArray[np.int64], island: NDArray[np.int32]) -> NDArray[np.int64]:
+    def key(self, row: I64, column: I64, island: I32) -> I64:
         """Keys of blocks' islands; -1 where the island is -1, or the block beside the texture."""
         columns = -(-self.shape[1] // self.side)
         inside = (island >= 0) & (column >= 0) & (column < columns) & (row >= 0)
         return np.where(inside, (row * columns + column) * self.count + island, -1)
 
-    def places(self) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int32]]:
+    def places(self) -> tuple[I64, I64, I32]:
         """(N,) each: row and column of the block, and the island."""
         block, island = np.divmod(self.keys, self.count)
         return *np.divmod(block, -(-self.shape[1] // self.side)), island.astype(np.int32)
 
-    def number(self, key: NDArray[np.int64]) -> NDArray[np.int64]:
+    def number(self, key: I64) -> I64:
         """The cells of keys; -1 where there is none."""
         place = np.minimum(np.searchsorted(self.keys, key), len(self.keys) - 1)
         return np.where(self.keys[place] == key, place, -1)
 
 
-def fill_colours(
-    colours: NDArray[np.float32], islands: NDArray[np.int32], known: NDArray[np.bool_], seams: SeamEdges
-) -> None:
+def fill_colours(colours: F32, islands: I32, known: Bools, seams: SeamEdges) -> None:
     """Fill unknown colours on UV islands in place.
 
     Islands that no known colour reaches get the mean of all known ones.
@@ -84,7 +82,7 @@ def fill_colours(
     looked_at, count = colours[::step, ::step][seen & (key >= 0)], len(cells.keys)
     amount = np.bincount(of_cell, minlength=count)
     sums = [np.bincount(of_cell, one, count).astype(np.float64) for one in looked_at.T]
-    values: NDArray[np.float64] = np.stack(sums, axis=1) / np.maximum(amount, 1)[:, None]
+    values: F64 = np.stack(sums, axis=1) / np.maximum(amount, 1)[:, None]
     ties = _across(seams, cells)
     _solved(values, amount > 0, cells, ties[(ties >= 0).all(axis=1) & (ties[:, 0] != ties[:, 1])])
     for band in bands(len(islands)):
@@ -93,7 +91,7 @@ def fill_colours(
         colours[band][missing] = _between_cells(values, cells, row + band.start, column, islands[band][missing])
 
 
-def _across(seams: SeamEdges, cells: _Cells) -> NDArray[np.int64]:
+def _across(seams: SeamEdges, cells: _Cells) -> I64:
     """(M, 2) the cells on either side of points along the seams, about a block apart; -1 where there is none."""
     height, width = cells.shape
     places = np.stack([seams.uvs[..., 0] * width, (1 - seams.uvs[..., 1]) * height], axis=-1) / cells.side
@@ -112,7 +110,7 @@ def _across(seams: SeamEdges, cells: _Cells) -> NDArray[np.int64]:
     return found
 
 
-def _solved(values: NDArray[np.float64], known: NDArray[np.bool_], cells: _Cells, ties: NDArray[np.int64]) -> None:
+def _solved(values: F64, known: Bools, cells: _Cells, ties: I64) -> None:
     """Continue known colours (N, 3) over all cells in place. ties: (M, 2) cells that touch at seams."""
     row, column, island = cells.places()
     sides = [cells.number(cells.key(row + down, column + right, island)) for right, down in _SIDES]
@@ -145,13 +143,7 @@ def _solved(values: NDArray[np.float64], known: NDArray[np.bool_], cells: _Cells
         values[unknown, channel] = solver.solve(sums[:, channel].astype(np.float32), begin)
 
 
-def _between_cells(
-    values: NDArray[np.float64],
-    cells: _Cells,
-    row: NDArray[np.int64],
-    column: NDArray[np.int64],
-    island: NDArray[np.int32],
-) -> NDArray[np.float32]:
+def _between_cells(values: F64, cells: _Cells, row: I64, column: I64, island: I32) -> F32:
     """(N, 3) colours at texels, bilinear between the cells of their island."""
     y, x = (row + 0.5) / cells.side - 0.5, (column + 0.5) / cells.side - 0.5
     top, left = np.floor(y).astype(np.int64), np.floor(x).astype(np.int64)

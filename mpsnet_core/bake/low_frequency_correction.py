@@ -11,12 +11,12 @@ view, and surfaces that are neighbours in the image alone do not mix.
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mpsnet_core.arrays.gaussian import gaussian
 from mpsnet_core.arrays.push_pull import push_pull
 from mpsnet_core.arrays.rotations import rotated, rotation_between
 from mpsnet_core.arrays.row_bands import bands, on_all_cores
+from mpsnet_core.arrays.types import F32, Bools
 from mpsnet_core.arrays.unit_vectors import normalised
 from mpsnet_core.arrays.upsample import chosen_pixels, reduced_shape, upsampled
 from mpsnet_core.defaults import LEVEL_SCALE, MAX_LEVEL_SCALE, MIN_LEVEL_SCALE
@@ -40,10 +40,10 @@ HOLD = 0.1
 class LowFrequencyCorrection:
     """Rotations that match the low frequencies of a view's normals to the mesh's."""
 
-    rotations: NDArray[np.float32]
+    rotations: F32
     """(h, w, 3) float32. Rotation vectors (axis times angle in radians) in camera space, at a reduced resolution,
     extrapolated smoothly where the mesh is not seen."""
-    known: NDArray[np.bool_]
+    known: Bools
     """(h, w) bool. Where the mesh is seen."""
 
     @property
@@ -155,9 +155,7 @@ def apply_low_frequency_correction(normals: NormalMap, correction: LowFrequencyC
     return replace(normals, vectors=vectors, in_place=True)
 
 
-def _smoothed_rotations(
-    points: NDArray[np.float32], estimate: NDArray[np.float32], own: NDArray[np.float32], sigma: float
-) -> NDArray[np.float32]:
+def _smoothed_rotations(points: F32, estimate: F32, own: F32, sigma: float) -> F32:
     """(N, 3) rotation vectors that best carry the estimate onto the mesh's own normals in each point's neighbourhood.
 
     sigma: standard deviation of the Gaussian weights, in world units.
@@ -193,7 +191,7 @@ def _smoothed_rotations(
     return rotations
 
 
-def _rotation(sums: NDArray[np.float32]) -> NDArray[np.float32]:
+def _rotation(sums: F32) -> F32:
     """(N, 3) rotation vectors that solve the normal equations. sums: (13, N), of :func:`_smoothed_rotations`."""
     sums = sums.astype(np.float64) / np.maximum(sums[-1], 1e-12)
     middle = normalised(sums[3:6].T)

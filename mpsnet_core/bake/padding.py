@@ -2,21 +2,17 @@
 
 from typing import Literal
 
-import numpy as np
-from numpy.typing import NDArray
-
 from mpsnet_core.arrays.push_pull import push_pull
 from mpsnet_core.arrays.rasterize import extend_to_nearest
 from mpsnet_core.arrays.row_bands import bands
+from mpsnet_core.arrays.types import F32, Bools
 from mpsnet_core.arrays.unit_vectors import normalised
 
 Padding = Literal["nearest", "push-pull", "none"]
 PADDINGS: tuple[Padding, ...] = ("nearest", "push-pull", "none")
 
 
-def padded(
-    vectors: NDArray[np.float32], covered: NDArray[np.bool_], padding: Padding, margin: int
-) -> NDArray[np.float32]:
+def padded(vectors: F32, covered: Bools, padding: Padding, margin: int) -> F32:
     """Unit vectors (H, W, 3) with the texels outside the covered ones filled. Covered texels are unchanged.
 
     It may fill and return the given array itself: a copy of a large texture takes much memory.
@@ -29,7 +25,7 @@ def padded(
     return _filled(vectors, covered) if padding == "push-pull" else vectors
 
 
-def _filled(vectors: NDArray[np.float32], covered: NDArray[np.bool_]) -> NDArray[np.float32]:
+def _filled(vectors: F32, covered: Bools) -> F32:
     if covered.all():
         return vectors
     whole = push_pull(vectors, covered)

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from mpsnet_core.arrays.row_bands import bands, on_all_cores
 from mpsnet_core.arrays.sizes import SAME_SIZE, check_same_size, size
+from mpsnet_core.arrays.types import F32, I64, Bools
 from mpsnet_core.arrays.unit_vectors import transformed
 from mpsnet_core.arrays.upsample import upsampled
 from mpsnet_core.bake.feather import feathered
@@ -40,7 +41,7 @@ class View:
     """The camera's pose in the world, and its projection."""
     normals: NormalMap
     """Normals in camera space, (H, W)."""
-    colours: NDArray[np.float32] | None = None
+    colours: F32 | None = None
     """(H, W, 3) float32. Linear values to bake along with the normals, such as an albedo; NaN where they are
     unknown."""
 
@@ -101,7 +102,7 @@ class Projector:
 
         on_all_cores(fill, bands(shape[0]))
 
-    def sample_points(self, points: SurfacePoints) -> tuple[NDArray[np.int64], NDArray[np.float32]]:
+    def sample_points(self, points: SurfacePoints) -> tuple[I64, F32]:
         """(M,) indices of the N surface points that the view sees, and its samples there.
 
         A sample, (M, 4), is the weighted normal in world space and the weight; of views with colours, (M, 8), the
@@ -119,9 +120,7 @@ class Projector:
         sampled *= _repeated(facing, sampled.shape[1])
         return seen, sampled
 
-    def facing_points(
-        self, surface: SurfacePoints
-    ) -> tuple[NDArray[np.int64], NDArray[np.float32], NDArray[np.float32], NDArray[np.float32]]:
+    def facing_points(self, surface: SurfacePoints) -> tuple[I64, F32, F32, F32]:
         """(M,) indices of the points that the camera sees, regardless of the view's mask.
 
         Also (N,) the cosine between shading normal and viewing direction of all points, and (M,) x and (M,) y of the
@@ -154,17 +153,17 @@ class Projector:
             seen, x, y = _some(kept, seen, x, y)
         return seen, facing, x, y
 
-    def _facing(self, points: NDArray[np.float32], normals: NDArray[np.float32]) -> NDArray[np.float32]:
+    def _facing(self, points: F32, normals: F32) -> F32:
         """(N,) the cosine between normals and viewing directions at points, each (3, N)."""
         if self.camera.projection == "orthographic":
-            facing: NDArray[np.float32] = transformed(self.turn[2:], normals)[0]
+            facing: F32 = transformed(self.turn[2:], normals)[0]
             return facing
         towards = self.eye[:, None] - points
         facing = np.einsum("in,in->n", normals, towards)
         facing /= np.sqrt(np.einsum("in,in->n", towards, towards))
         return facing
 
-    def _interpolate(self, x: NDArray[np.float32], y: NDArray[np.float32]) -> NDArray[np.float32]:
+    def _interpolate(self, x: F32, y: F32) -> F32:
         """Bilinear samples between pixel centres. Pixels outside the mask have no weight."""
         height, stride, count = self.samples.shape
         # The border adds one pixel; pixel centres are at 0.5.
@@ -187,20 +186,20 @@ class Projector:
         below += right_texel
         below -= above
         below *= down
-        mean: NDArray[np.float32] = np.add(above, below, out=above)
+        mean: F32 = np.add(above, below, out=above)
         return mean
 
 
-def _repeated(values: NDArray[np.float32], count: int) -> NDArray[np.float32]:
+def _repeated(values: F32, count: int) -> F32:
     """(N, count) copies of values (N,): NumPy's broadcasting is slow along so short an axis."""
     return np.repeat(values, count).reshape(-1, count)
 
 
-def _unless_all(chosen: NDArray[np.bool_]) -> NDArray[np.int64] | None:
+def _unless_all(chosen: Bools) -> I64 | None:
     """The indices of True elements, None if all are True."""
     return None if chosen.all() else np.flatnonzero(chosen)
 
 
-def _some(which: NDArray[np.int64], *values: NDArray[Any]) -> list[NDArray[Any]]:
+def _some(which: I64, *values: NDArray[Any]) -> list[NDArray[Any]]:
     """Elements of values (N,) or (3, N) at these indices."""
     return [value.take(which, axis=-1) for value in values]

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from mpsnet_core.arrays.types import F32, I64, Bools
 from mpsnet_core.bake.projection import Projector, View
 from mpsnet_core.bake.texel_surface import SurfacePoints
 from mpsnet_core.errors import GeometryError
@@ -68,7 +69,7 @@ def _held_bytes(projector: Projector) -> int:
 class ViewAccumulator:
     """Running sums over views at N texels."""
 
-    sums: NDArray[np.float32]
+    sums: F32
     """(N, 4). Weighted normals in world space, and the lengths of these vectors; with colours (N, 8), weighted colours
     and their weights follow."""
     views: NDArray[np.uint16]
@@ -80,7 +81,7 @@ class ViewAccumulator:
         return cls(np.zeros((count, values), np.float32), np.zeros(count, np.uint16))
 
     @classmethod
-    def kept(cls, texture: Texture, texels: NDArray[np.int64]) -> "ViewAccumulator":
+    def kept(cls, texture: Texture, texels: I64) -> "ViewAccumulator":
         """The sums that :meth:`keep` stored in a texture, at the texels of these flat indices."""
         assert texture.spread is not None and texture.views is not None
         sums = [texture.vectors.reshape(-1, 3).take(texels, axis=0), texture.spread.reshape(-1, 1).take(texels, axis=0)]
@@ -88,7 +89,7 @@ class ViewAccumulator:
             sums.append(texture.colours.reshape(-1, 4).take(texels, axis=0))
         return cls(np.concatenate(sums, axis=1), texture.views.ravel().take(texels))
 
-    def keep(self, texture: Texture, texels: NDArray[np.int64]) -> None:
+    def keep(self, texture: Texture, texels: I64) -> None:
         """Store the sums in the texture that will be made from them: there is not enough memory for both."""
         assert texture.spread is not None and texture.views is not None
         texture.vectors.reshape(-1, 3)[texels] = self.sums[:, :3]
@@ -97,7 +98,7 @@ class ViewAccumulator:
         if texture.colours is not None:
             texture.colours.reshape(-1, 4)[texels] = self.sums[:, 4:]
 
-    def add(self, seen: NDArray[np.int64], samples: NDArray[np.float32]) -> None:
+    def add(self, seen: I64, samples: F32) -> None:
         """Add one view's samples from :meth:`Projector.sample_points`."""
         x, y, z = samples[:, 0], samples[:, 1], samples[:, 2]
         samples[:, 3] = np.sqrt(x * x + y * y + z * z)
@@ -105,7 +106,7 @@ class ViewAccumulator:
         self.sums[seen] = samples
         self.views[seen] = self.views.take(seen) + np.uint16(1)
 
-    def spread(self) -> NDArray[np.float32]:
+    def spread(self) -> F32:
         """(N,) degrees: the angle whose cosine is the weighted mean cosine between the views' normals and their mean.
 
         That mean cosine is the weighted sum's length over the sum of the lengths.
@@ -118,9 +119,7 @@ class ViewAccumulator:
         return spread
 
 
-def seen_triangles(
-    meshes: Sequence[Mesh], projectors: Projectors, scene: RayScene, progress: Progress
-) -> list[NDArray[np.bool_]]:
+def seen_triangles(meshes: Sequence[Mesh], projectors: Projectors, scene: RayScene, progress: Progress) -> list[Bools]:
     """For each mesh, (T,) whether any view sees the triangle's centre."""
     faces = _all_faces(meshes, scene)
     seen = np.zeros(faces.positions.shape[1], bool)

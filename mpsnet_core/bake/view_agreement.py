@@ -10,8 +10,8 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mpsnet_core.arrays.types import F32
 from mpsnet_core.arrays.unit_vectors import angular_error, normalised
 from mpsnet_core.bake.projection import Projector, View
 from mpsnet_core.bake.texel_surface import SurfacePoints
@@ -56,10 +56,10 @@ class Agreement:
     """Distance over which views fade, as in :class:`.settings.BakeSettings`."""
     points: SurfacePoints
     """N points, relative to the scene's centre."""
-    colours: list[NDArray[np.float32]] = field(default_factory=list)
+    colours: list[F32] = field(default_factory=list)
     """For each view, (N, 4) its colour times its weight, and the weight; (N, 0) for views without colours."""
     _views: list[tuple[str, float]] = field(default_factory=list)
-    _samples: list[tuple[NDArray[np.float32], NDArray[np.float32]]] = field(default_factory=list)
+    _samples: list[tuple[F32, F32]] = field(default_factory=list)
 
     def add(self, name: str, estimated: View, levelled: View, level: float) -> None:
         """Add a view, as estimated and as levelled by `level` degrees on average."""
@@ -68,7 +68,7 @@ class Agreement:
         self._samples.append((sampled[:, :4], (sampled if levelled is estimated else self._sample(levelled))[:, :4]))
         self.colours.append(sampled[:, 4:])
 
-    def _sample(self, view: View) -> NDArray[np.float32]:
+    def _sample(self, view: View) -> F32:
         projector = Projector(view, self.scene, self.feather)
         sampled = np.zeros((self.points.positions.shape[1], projector.samples.shape[2]), np.float32)
         seen, samples = projector.sample_points(self.points)
@@ -105,7 +105,7 @@ def agreement(mesh: Mesh, scene: RayScene, feather: float = 0.0, count: int = PO
     return Agreement(scene, feather, SurfacePoints(*(one.T.astype(np.float32, order="C") for one in own)))
 
 
-def _angles_to_the_others(samples: Sequence[NDArray[np.float32]]) -> list[float]:
+def _angles_to_the_others(samples: Sequence[F32]) -> list[float]:
     """Each view's mean angle in degrees to the mean of the others, weighted as in the bake."""
     total = np.sum(samples, axis=0)
     departures = []

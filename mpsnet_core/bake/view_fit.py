@@ -4,8 +4,8 @@ import logging
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mpsnet_core.arrays.types import F64
 from mpsnet_core.arrays.upsample import chosen_pixels, reduced_shape
 from mpsnet_core.bake.projection import View
 from mpsnet_core.scene.camera import Camera
@@ -110,7 +110,7 @@ def _remedy(found: ViewFit, view: View, mesh: Mesh, scene: RayScene) -> str:
     return words if is_clear and best.covered > TINY and best.cost < BETTER * found.cost else ""
 
 
-def _moved(camera: Camera, turn: NDArray[np.float64], unit: float) -> Camera:
+def _moved(camera: Camera, turn: F64, unit: float) -> Camera:
     """The camera that sees the mesh as `camera` would see it, turned and scaled about the world's origin."""
     pose = np.linalg.inv(turn) @ camera.world_from_camera
     pose[:3, 3] /= unit

@@ -3,14 +3,13 @@
 import struct
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mpsnet_core.arrays.types import Floats
 from mpsnet_core.errors import FormatError
 
-Curve = Callable[[NDArray[np.floating[Any]]], NDArray[np.floating[Any]]]
+Curve = Callable[[Floats], Floats]
 
 # Transfer characteristics by their code points in H.273: unknown, linear, and those that differ much from sRGB.
 UNKNOWN_TRANSFER, LINEAR_TRANSFER = 2, 8
@@ -36,7 +35,7 @@ def profile_curve(profile: bytes) -> Curve | None:
     except (struct.error, KeyError, ValueError):
         return None
 
-    def linear(values: NDArray[np.floating[Any]]) -> NDArray[np.floating[Any]]:
+    def linear(values: Floats) -> Floats:
         with np.errstate(all="ignore"):
             parts = [curve(values[..., channel]) for channel, curve in enumerate(curves)]
             return np.clip(np.stack(parts, axis=-1), 0, 1)
@@ -58,7 +57,7 @@ def transfer_is_linear(path: Path, transfer: int) -> bool:
     return transfer == LINEAR_TRANSFER
 
 
-def sampled(curve: Curve) -> NDArray[np.floating[Any]]:
+def sampled(curve: Curve) -> Floats:
     """(256, 3) linear values of a curve for stored values from 0 to 1."""
     return curve(np.linspace(0, 1, 256, dtype=np.float32)[:, None].repeat(3, axis=1))
 

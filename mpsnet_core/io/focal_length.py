@@ -2,13 +2,13 @@
 
 import logging
 import math
-import os
 from contextlib import closing
 from pathlib import Path
 from typing import Any
 
 from mpsnet_core.io.files import RAW_SUFFIXES
 from mpsnet_core.io.image_input import image_attribute, image_input
+from mpsnet_core.io.opening import AnyPath
 
 log = logging.getLogger(__name__)
 
@@ -23,7 +23,7 @@ SAME_ASPECT = 1.02
 _UNITS = {2: 25.4, 3: 10.0, 4: 1.0, 5: 0.001}
 
 
-def stated_focal(path: str | os.PathLike[str]) -> float | None:
+def stated_focal(path: AnyPath) -> float | None:
     """The 35 mm equivalent focal length along the longer side that a photo states, in millimetres.
 
     It is that of EXIF's FocalLengthIn35mmFilm, else of FocalLength and the sensor's resolution. None if the photo

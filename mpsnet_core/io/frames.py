@@ -3,7 +3,6 @@
 import glob
 import itertools
 import logging
-import os
 import re
 from collections import Counter
 from collections.abc import Iterable, Sequence
@@ -26,6 +25,7 @@ from mpsnet_core.io.files import (
     writable_image,
 )
 from mpsnet_core.io.marks import says_made
+from mpsnet_core.io.opening import AnyPath
 
 log = logging.getLogger(__name__)
 
@@ -121,7 +121,7 @@ def in_order_of_lights(photos: Sequence[Path]) -> list[Path]:
     return list(photos)
 
 
-def expand_images(inputs: Sequence[str | os.PathLike[str]]) -> list[Path]:
+def expand_images(inputs: Sequence[AnyPath]) -> list[Path]:
     """The photos of `inputs`: files in order, those of folders and patterns in natural order (frame_2, frame_10).
 
     A run of # in a pattern matches as many digits; * and ? are as in a shell. If a photo exists as raw and JPEG,
@@ -153,13 +153,13 @@ def expand_images(inputs: Sequence[str | os.PathLike[str]]) -> list[Path]:
     return photos
 
 
-def is_folder_or_pattern(given: str | os.PathLike[str]) -> bool:
+def is_folder_or_pattern(given: AnyPath) -> bool:
     """Whether a path is a folder or a pattern, not a single file."""
     path = Path(given)
     return path.is_dir() or (bool(set("#*?") & set(path.name)) and not path.is_file())
 
 
-def is_video(path: str | os.PathLike[str]) -> bool:
+def is_video(path: AnyPath) -> bool:
     """Whether a file has the suffix of a video."""
     return Path(path).suffix.lower() in VIDEO_SUFFIXES
 
@@ -173,7 +173,7 @@ def expand_file_options(options: Iterable[str | None]) -> list[Path]:
     return [file for one in given for file in (expand_images([one]) if is_folder_or_pattern(one) else [Path(one)])]
 
 
-def matching_files(given: str | os.PathLike[str], what: str = "image") -> list[Path]:
+def matching_files(given: AnyPath, what: str = "image") -> list[Path]:
     """The files in a folder, or those that match a pattern, in natural order; see :func:`expand_images`.
 
     what: their name in messages. Raises FileError if there are none.
@@ -195,7 +195,7 @@ def _of_the_system(name: str) -> bool:
     return name.startswith(".") or name.lower() in {"thumbs.db", "desktop.ini", "icon\r"}
 
 
-def output_files(photos: Sequence[Path], output: str | os.PathLike[str], kind: str | None = None) -> list[Path]:
+def output_files(photos: Sequence[Path], output: AnyPath, kind: str | None = None) -> list[Path]:
     """The file of each photo's normals: `output` itself for one photo, NAME_normals in the folder `output` for several.
 
     kind: format of the files in a folder; "png" by default.
@@ -222,7 +222,7 @@ def output_files(photos: Sequence[Path], output: str | os.PathLike[str], kind: s
     return files
 
 
-def results_folder(output: str | os.PathLike[str], given: str, what: str = "normals") -> Path:
+def results_folder(output: AnyPath, given: str, what: str = "normals") -> Path:
     """The folder for the normals of several photos, which is created with the first of them.
 
     given: why it must be a folder, for messages. what: its content, normals by default.

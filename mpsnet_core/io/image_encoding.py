@@ -7,9 +7,9 @@ from typing import Any, Literal
 
 import numpy as np
 import OpenImageIO as oiio
-from numpy.typing import NDArray
 
 from mpsnet_core.arrays.row_bands import bands
+from mpsnet_core.arrays.types import Floats
 from mpsnet_core.errors import Choices
 from mpsnet_core.io.colour_profile import UNKNOWN_TRANSFER, Curve, profile_curve, sampled, transfer_is_linear
 from mpsnet_core.io.file_kinds import STATES_CURVE, STATES_TABLE, TRANSFER
@@ -107,7 +107,7 @@ def _gamma_curve(gamma: float | None, path: Path) -> Curve | None:
     return lambda values: np.maximum(values, 0) ** np.float32(gamma)
 
 
-def identity_curve(values: NDArray[np.floating[Any]]) -> NDArray[np.floating[Any]]:
+def identity_curve(values: Floats) -> Floats:
     """The curve of linear values."""
     return values
 

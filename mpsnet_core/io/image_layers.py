@@ -1,7 +1,6 @@
 """Layers of image files: their names and stored values."""
 
 import logging
-import os
 from collections.abc import Iterable
 from contextlib import closing
 from dataclasses import dataclass
@@ -17,6 +16,7 @@ from mpsnet_core.io.file_kinds import file_head, stated_beside, webp_orientation
 from mpsnet_core.io.files import RAW_SUFFIXES
 from mpsnet_core.io.image import MAX_PIXELS, oriented
 from mpsnet_core.io.image_input import channel_names, image_attribute, open_image, pending_error, silence_libraries
+from mpsnet_core.io.opening import AnyPath
 
 log = logging.getLogger(__name__)
 
@@ -41,14 +41,14 @@ class _Layer:
     """Channel indices by their short names."""
 
 
-def image_layers(path: str | os.PathLike[str]) -> list[str]:
+def image_layers(path: AnyPath) -> list[str]:
     """Names of the layers in a file, "" for channels without a layer name. Parts of multi-part EXRs are layers, too."""
     path = Path(path)
     with closing(open_image(path)) as source, silence_libraries():
         return list(layers_of(source, path))
 
 
-def layer_in(path: str | os.PathLike[str], layer: str | None) -> str | None:
+def layer_in(path: AnyPath, layer: str | None) -> str | None:
     """The layer to read from a companion file of a photo with this `layer`: the same, if the file has several."""
     if layer is None or Path(path).suffix.lower() in RAW_SUFFIXES:
         return None

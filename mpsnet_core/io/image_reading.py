@@ -1,7 +1,6 @@
 """Photos, masks and data read from image files."""
 
 import logging
-import os
 from contextlib import closing
 from pathlib import Path
 from typing import Any
@@ -11,6 +10,7 @@ import OpenImageIO as oiio
 from numpy.typing import NDArray
 
 from mpsnet_core.arrays.row_bands import FEW_ROWS, bands
+from mpsnet_core.arrays.types import F32, Bools
 from mpsnet_core.errors import FormatError, SettingsError
 from mpsnet_core.io.file_kinds import EXPOSURE
 from mpsnet_core.io.files import RAW_SUFFIXES, existing_file
@@ -26,6 +26,7 @@ from mpsnet_core.io.image_layers import (
     orientation_of,
     read_layer,
 )
+from mpsnet_core.io.opening import AnyPath
 from mpsnet_core.io.raw import raw_size, read_raw
 
 log = logging.getLogger(__name__)
@@ -43,7 +44,7 @@ MAX_VALUE = 1e15
 
 
 def read_image(
-    path: str | os.PathLike[str],
+    path: AnyPath,
     *,
     encoding: Encoding = "auto",
     layer: str | None = None,
@@ -138,9 +139,7 @@ def _decoded(
     return Image(pixels, alpha, clip, None, _exposure_time(spec), assumed, orientation)
 
 
-def _straight(
-    values: NDArray[Any], exposure: NDArray[np.float32], cover: NDArray[np.float32] | None
-) -> NDArray[np.float32]:
+def _straight(values: NDArray[Any], exposure: F32, cover: F32 | None) -> F32:
     """Colours (H, W, 3) without the exposure that their file states, nor the alpha that they are multiplied by."""
     colours = _as_float(values)
     colours /= exposure
@@ -162,7 +161,7 @@ def _colour_channels(names: dict[str, int], grey: bool, path: Path) -> list[int]
     return colour
 
 
-def _seems_premultiplied(values: NDArray[Any], colour: list[int], alpha: NDArray[np.float32]) -> bool:
+def _seems_premultiplied(values: NDArray[Any], colour: list[int], alpha: F32) -> bool:
     """Whether no stored colour exceeds its alpha at an outline, although the colours there are bright."""
     outline = (alpha > 0) & (alpha < FAINT)
     if np.count_nonzero(outline) < MIN_OUTLINE:
@@ -198,7 +197,7 @@ def _read_raw(path: Path, encoding: Encoding, layer: str | None) -> Image:
     return image
 
 
-def read_mask(path: str | os.PathLike[str]) -> NDArray[np.bool_]:
+def read_mask(path: AnyPath) -> Bools:
     """Read a mask: where the alpha channel is above one half if it varies, else where the brightest channel is.
 
     Integers with only two values, 0 and another, are labels from annotation tools: the other value is the object.
@@ -226,15 +225,13 @@ def read_mask(path: str | os.PathLike[str]) -> NDArray[np.bool_]:
     return _as_float(brightest) > 0.5
 
 
-def read_channel(path: str | os.PathLike[str]) -> NDArray[np.float32]:
+def read_channel(path: AnyPath) -> F32:
     """Read the first channel of an image, (H, W) float32, undecoded. Raises FileError, FormatError."""
     values, names, _ = read_layer(Path(path), None)
     return np.nan_to_num(_as_float(values[..., names.get("R", 0)]))
 
 
-def read_data(
-    path: str | os.PathLike[str], layer: str | None = None, *, pair: bool = False
-) -> tuple[NDArray[np.float32], NDArray[np.float32] | None]:
+def read_data(path: AnyPath, layer: str | None = None, *, pair: bool = False) -> tuple[F32, F32 | None]:
     """Read three channels of data (normals), (H, W, 3) float32 without a curve, and alpha or None.
 
     pair: see :func:`read_image`.
@@ -243,7 +240,7 @@ def read_data(
     return image.pixels, image.alpha
 
 
-def read_orientation(path: str | os.PathLike[str]) -> int:
+def read_orientation(path: AnyPath) -> int:
     """EXIF orientation of a photo, 1 to 8, by which :func:`read_image` rotates it; 1, upright, if the file has none.
 
     Camera raw files return 1: other programs read the output of a raw converter, which is upright.
@@ -258,7 +255,7 @@ def read_orientation(path: str | os.PathLike[str]) -> int:
         return orientation_of(source.spec(), path)
 
 
-def read_size(path: str | os.PathLike[str], layer: str | None = None) -> tuple[int, int] | None:
+def read_size(path: AnyPath, layer: str | None = None) -> tuple[int, int] | None:
     """Height and width of the result of :func:`read_image`, from the header alone; None for raw files without rawpy.
 
     Raises FileError if the file is missing, FormatError if it is not an image, SettingsError if it lacks the
@@ -275,7 +272,7 @@ def read_size(path: str | os.PathLike[str], layer: str | None = None) -> tuple[i
     return size if orientation_of(spec, path) < 5 else size[::-1]
 
 
-def image_description(path: str | os.PathLike[str]) -> str:
+def image_description(path: AnyPath) -> str:
     """The description in an image file, "" if it has none or cannot be read as an image.
 
     Raises FileError if the file's name is not valid UTF-8.
@@ -287,7 +284,7 @@ def image_description(path: str | os.PathLike[str]) -> str:
         return image_attribute(source.spec(), "ImageDescription", str) or ""
 
 
-def _as_float(values: NDArray[Any]) -> NDArray[np.float32]:
+def _as_float(values: NDArray[Any]) -> F32:
     """Stored values as float32, integers as 0 to 1, NaN for values that count as not finite."""
     if values.dtype.kind != "u":
         return np.where(np.abs(values) <= MAX_VALUE, values, np.float32(np.nan))

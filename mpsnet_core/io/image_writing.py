@@ -17,13 +17,13 @@ from mpsnet_core.io.image import Image, srgb_to_linear
 from mpsnet_core.io.image_input import image_attribute, image_input, pending_error, silence_libraries
 from mpsnet_core.io.marks import SOFTWARE, curve_assumed, made
 from mpsnet_core.io.metadata import is_provenance_line, metadata
-from mpsnet_core.io.opening import is_file
+from mpsnet_core.io.opening import AnyPath, is_file
 
 PNG_FILTER_UP = 32  # libpng's number: each pixel is stored as its difference from the one above
 
 
 def write_image(
-    path: str | os.PathLike[str],
+    path: AnyPath,
     pixels: NDArray[Any],
     *,
     bits: int | None = None,
@@ -70,7 +70,7 @@ def write_image(
 
 
 def write_photo(
-    path: str | os.PathLike[str], photo: Image, *, bits: int | None, linear: bool = True, description: str | None = None
+    path: AnyPath, photo: Image, *, bits: int | None, linear: bool = True, description: str | None = None
 ) -> None:
     """Write a photo that was made of others, with its alpha. If its encoding is assumed, the file says so.
 
@@ -84,7 +84,7 @@ def write_photo(
     write_image(path, values, bits=bits, color_space=space, description=said)
 
 
-def write_picture(path: str | os.PathLike[str], pixels: NDArray[Any], *, description: str | None = None) -> None:
+def write_picture(path: AnyPath, pixels: NDArray[Any], *, description: str | None = None) -> None:
     """Write an image of sRGB values (H, W, 3) for display: 8 bits; in an EXR linear floats, which viewers expect.
 
     description: a line of text to store in the file. Raises as :func:`write_image` does.
@@ -94,11 +94,7 @@ def write_picture(path: str | os.PathLike[str], pixels: NDArray[Any], *, descrip
 
 
 def write_picture_bands(
-    path: str | os.PathLike[str],
-    shape: tuple[int, int, int],
-    band: Callable[[slice], NDArray[Any]],
-    *,
-    description: str | None = None,
+    path: AnyPath, shape: tuple[int, int, int], band: Callable[[slice], NDArray[Any]], *, description: str | None = None
 ) -> None:
     """Write an image as :func:`write_picture` does, computed band by band as in :func:`write_bands`."""
     description = description or made("picture")
@@ -109,7 +105,7 @@ def write_picture_bands(
         write_bands(path, shape, band, bits=8, color_space="sRGB", description=description)
 
 
-def write_mask(path: str | os.PathLike[str], mask: NDArray[Any]) -> None:
+def write_mask(path: AnyPath, mask: NDArray[Any]) -> None:
     """Write a mask, or values (H, W) from 0 to 1 in a few levels: 8 bits; in an EXR floats.
 
     Raises as :func:`write_image` does.
@@ -118,7 +114,7 @@ def write_mask(path: str | os.PathLike[str], mask: NDArray[Any]) -> None:
 
 
 def write_bands(
-    path: str | os.PathLike[str],
+    path: AnyPath,
     shape: tuple[int, int, int],
     band: Callable[[slice], NDArray[Any]],
     *,
@@ -206,7 +202,7 @@ def _output_spec(path: Path, shape: tuple[int, int, int], bits: int | None) -> A
     return spec
 
 
-def is_complete_image(path: str | os.PathLike[str]) -> bool:
+def is_complete_image(path: AnyPath) -> bool:
     """Whether an image file that this program wrote exists and is not truncated.
 
     Fast enough for folders of thousands: a PNG ends with a marker, and of other formats only the last rows are read.

@@ -9,8 +9,8 @@ from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mpsnet_core.arrays.types import F64, I64
 from mpsnet_core.errors import FormatError, GeometryError
 from mpsnet_core.io.polygons import Polygons
 
@@ -105,14 +105,14 @@ def _runs(starts: list[tuple[int, str]], count: int) -> list[tuple[str, int]]:
     return [(name, stop - start) for (start, name), (stop, _) in pairwise([(0, ""), *starts, (count, "")])]
 
 
-def _of_corners(values: list[list[float]], numbers: NDArray[np.int64]) -> NDArray[np.float64]:
+def _of_corners(values: list[list[float]], numbers: I64) -> F64:
     """The values of these numbers, NaN for negative ones."""
-    found: NDArray[np.float64] = np.array(values)[np.maximum(numbers, 0)]
+    found: F64 = np.array(values)[np.maximum(numbers, 0)]
     found[numbers < 0] = np.nan
     return found
 
 
-def _smoothing(groups: list[tuple[str, int]], objects: list[tuple[str, int]], everywhere: bool) -> NDArray[np.int64]:
+def _smoothing(groups: list[tuple[str, int]], objects: list[tuple[str, int]], everywhere: bool) -> I64:
     """(F,) as in :class:`Polygons`. everywhere: whether all faces are smooth, within their objects."""
     words = [word.split()[:1] for word, _ in groups]
     numbers = [int(word[0]) if word and re.fullmatch(r"[+-]?\d{1,9}", word[0]) else 0 for word in words]

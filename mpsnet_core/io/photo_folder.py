@@ -1,11 +1,11 @@
 """Folders of photos, looked up by name without suffix."""
 
-import os
 from collections.abc import Collection
 from pathlib import Path
 
 from mpsnet_core.errors import FileError
 from mpsnet_core.io.files import PHOTO_SUFFIXES, RAW_SUFFIXES
+from mpsnet_core.io.opening import AnyPath
 
 
 class PhotoFolder:
@@ -14,7 +14,7 @@ class PhotoFolder:
     Raises FileError if it is no folder.
     """
 
-    def __init__(self, path: str | os.PathLike[str], what: str = "photos") -> None:
+    def __init__(self, path: AnyPath, what: str = "photos") -> None:
         self.path = Path(path)
         if not self.path.is_dir():
             raise FileError(f"{path} is not a folder; name the folder of the {what}")

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mpsnet_core.arrays.polygon_triangulation import strip_triangles
+from mpsnet_core.arrays.types import F64, I64
 from mpsnet_core.errors import FormatError
 from mpsnet_core.io.polygons import Polygons, checked_indices
 
@@ -48,18 +49,18 @@ class _Element:
 class Values:
     """The values of an element."""
 
-    numbers: dict[str, NDArray[np.float64]]
+    numbers: dict[str, F64]
     """(N,) float64 by property name. The values; those of a list property are concatenated."""
-    lengths: dict[str, NDArray[np.int64]]
+    lengths: dict[str, I64]
     """(N,) int64 by the name of a list property. The length of each list."""
 
-    def columns(self, names: Sequence[str]) -> NDArray[np.float64] | None:
+    def columns(self, names: Sequence[str]) -> F64 | None:
         """(N, K) the properties of these names as columns, None if one is missing."""
         if any(name not in self.numbers or name in self.lengths for name in names):
             return None
         return np.stack([self.numbers[name] for name in names], axis=-1)
 
-    def list(self, names: Sequence[str]) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+    def list(self, names: Sequence[str]) -> tuple[F64, I64]:
         """The values of the first list that exists of these names, concatenated, and (N,) their lengths, else none."""
         name = next((name for name in names if name in self.lengths), "")
         return self.numbers.get(name, np.empty(0)), self.lengths.get(name, NO_LENGTHS)
@@ -110,9 +111,7 @@ def read_ply(path: Path) -> Polygons:
     )
 
 
-def _uvs(
-    vertex: Values, face: Values, corners: NDArray[np.int64], sizes: NDArray[np.int64], strips: int
-) -> NDArray[np.float64] | None:
+def _uvs(vertex: Values, face: Values, corners: I64, sizes: I64, strips: int) -> F64 | None:
     """(C, 2) UVs of the corners: those of the faces, else of the vertices, else none."""
     values, lengths = face.list(_FACE_UVS)
     if lengths.any() and len(lengths) + strips == len(sizes):
@@ -135,7 +134,7 @@ def _pages(face: Values, textures: Sequence[str], count: int) -> list[tuple[str,
     return [*runs, ("", count - len(numbers))]
 
 
-def _strips(element: Values, count: int) -> NDArray[np.int64]:
+def _strips(element: Values, count: int) -> I64:
     """(T, 3) the triangles of triangle strips."""
     numbers, lengths = element.list(_INDICES)
     checked_indices(numbers[numbers != -1], count)

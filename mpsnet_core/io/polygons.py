@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from mpsnet_core.arrays.types import F64, I64
 from mpsnet_core.errors import GeometryError
 
 
@@ -14,20 +15,20 @@ from mpsnet_core.errors import GeometryError
 class Polygons:
     """Polygons of any number of corners, and what the file says of these."""
 
-    vertices: NDArray[np.float64]
+    vertices: F64
     """(V, 3) float64. Positions."""
-    corners: NDArray[np.int64]
+    corners: I64
     """(C,) int64. Vertex index of each corner, polygon after polygon."""
-    sizes: NDArray[np.int64]
+    sizes: I64
     """(F,) int64. Number of corners of each polygon."""
-    uvs: NDArray[np.float64] | None = None
+    uvs: F64 | None = None
     """(C, 2) float64. UV coordinates with v up, NaN where the file gives none; None if it gives none at all."""
-    normals: NDArray[np.float64] | None = None
+    normals: F64 | None = None
     """(C, 3) float64. Normals of any length, NaN or zero where the file gives none; None if it gives none at all."""
-    tangents: NDArray[np.float64] | None = None
+    tangents: F64 | None = None
     """(C, 4) float64. Unit tangent and the sign of the bitangent, NaN where the file gives none; None if it gives none
     at all."""
-    smoothing: NDArray[np.int64] | None = None
+    smoothing: I64 | None = None
     """(F,) int64. For corners without a normal: polygons of the same number share one at each common vertex. A polygon
     of number 0 is flat. None: all are flat."""
     materials: Sequence[tuple[str, int]] | None = None
@@ -36,7 +37,7 @@ class Polygons:
     """Names of objects, each with the number of polygons that it applies to, in order."""
 
 
-def checked_indices(numbers: NDArray[Any], count: int) -> NDArray[np.int64]:
+def checked_indices(numbers: NDArray[Any], count: int) -> I64:
     """Vertex indices as integers. Raises GeometryError if one is not below `count`, the number of vertices."""
     if numbers.size and not 0 <= numbers.min() <= numbers.max() < count:
         raise GeometryError("the mesh's triangles name vertices that it does not have; export it again")

@@ -11,6 +11,7 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from mpsnet_core.arrays.types import F32, I32, Bools
 from mpsnet_core.progress import Progress, silent
 
 # The largest triangles are halves of squares with this many pixels on a side.
@@ -23,9 +24,7 @@ T = TypeVar("T", bound=np.generic)
 NEAR_ENOUGH, ROUNDS = 0.97, 20
 
 
-def adaptive_triangles(
-    values: NDArray[np.float32], mask: NDArray[np.bool_], pixel: float, most: int, progress: Progress = silent
-) -> NDArray[np.int32]:
+def adaptive_triangles(values: F32, mask: Bools, pixel: float, most: int, progress: Progress = silent) -> I32:
     """(T, 3) pixel indices (row * W + column) of at most `most` triangles that approximate heights `values` (H, W).
 
     Their corners lie in the mask, (H, W) bool, and are counter-clockwise in the image. There are none if `most` is too
@@ -59,7 +58,7 @@ def adaptive_triangles(
     return best
 
 
-def _errors(values: NDArray[np.float32], mask: NDArray[np.bool_], pixel: float, side: int) -> NDArray[np.float32]:
+def _errors(values: F32, mask: Bools, pixel: float, side: int) -> F32:
     """(H, W) error, in the unit of the values, of not splitting the longest side that has its midpoint there."""
     errors = np.zeros(mask.shape, np.float32)
     step = 1
@@ -72,9 +71,7 @@ def _errors(values: NDArray[np.float32], mask: NDArray[np.bool_], pixel: float, 
     return errors
 
 
-def _along_rows(
-    errors: NDArray[np.float32], values: NDArray[np.float32], mask: NDArray[np.bool_], outline: np.float32, step: int
-) -> None:
+def _along_rows(errors: F32, values: F32, mask: Bools, outline: np.float32, step: int) -> None:
     """Fill in the errors at the midpoints of sides along rows, which reach `step` pixels to the left and right."""
     rows, middle = slice(0, None, 2 * step), slice(step, None, 2 * step)
     threes = (middle, slice(0, -step, 2 * step), slice(2 * step, None, 2 * step))
@@ -87,9 +84,7 @@ def _along_rows(
     errors[rows, middle] = own
 
 
-def _across_squares(
-    errors: NDArray[np.float32], values: NDArray[np.float32], mask: NDArray[np.bool_], outline: np.float32, step: int
-) -> None:
+def _across_squares(errors: F32, values: F32, mask: Bools, outline: np.float32, step: int) -> None:
     """Fill in the errors at the midpoints of diagonals, in squares of 2 `step` pixels. Diagonals alternate."""
     first, middle, last = slice(0, -step, 2 * step), slice(step, None, 2 * step), slice(2 * step, None, 2 * step)
     falling = np.indices(errors[middle, middle].shape).sum(axis=0) % 2 == 0
@@ -106,9 +101,7 @@ def _across_squares(
     errors[middle, middle] = own
 
 
-def _deviation(
-    values: list[NDArray[np.float32]], inside: list[NDArray[np.bool_]], outline: np.float32
-) -> NDArray[np.float32]:
+def _deviation(values: list[F32], inside: list[Bools], outline: np.float32) -> F32:
     """Distance of midpoints from the line between the ends; `outline` where the mask's edge runs between the three.
 
     values, inside: of the midpoints, of one end and of the other.
@@ -119,9 +112,7 @@ def _deviation(
     return np.where(count == 3, off, np.where(count == 0, np.float32(0), outline))
 
 
-def _leaves(
-    errors: NDArray[np.float32], mask: NDArray[np.bool_], tolerance: float, side: int, picture: tuple[int, int]
-) -> NDArray[np.int32]:
+def _leaves(errors: F32, mask: Bools, tolerance: float, side: int, picture: tuple[int, int]) -> I32:
     """(T, 3) corners, as pixel indices of the image, of the triangles in the mask that need not be split."""
     height, width = mask.shape
     rows, columns = np.mgrid[0 : height - 1 : side, 0 : width - 1 : side].reshape(2, -1)

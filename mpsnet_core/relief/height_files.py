@@ -6,15 +6,14 @@ pull the surface down to 0 along its outline. Instead, the heights are extrapola
 """
 
 import json
-import os
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mpsnet_core.arrays.push_pull import push_pull
+from mpsnet_core.arrays.types import Bools
 from mpsnet_core.errors import FileError, FormatError, SettingsError
 from mpsnet_core.io.files import (
     MAX_TEXT_BYTES,
@@ -32,6 +31,7 @@ from mpsnet_core.io.from_files import takes_files
 from mpsnet_core.io.image_reading import image_description, read_channel, read_mask
 from mpsnet_core.io.image_writing import write_image
 from mpsnet_core.io.marks import made
+from mpsnet_core.io.opening import AnyPath
 from mpsnet_core.relief.height_map import HeightMap, pixels_per_unit
 from mpsnet_core.relief.height_names import height_names
 from mpsnet_core.scene.camera import Camera, camera_data, camera_from_data
@@ -112,7 +112,7 @@ class HeightFacts:
     """The step between the two sides of a seam; None if the heights are not on UVs."""
 
 
-def height_files(path: str | os.PathLike[str], bits: int | None) -> list[Path]:
+def height_files(path: AnyPath, bits: int | None) -> list[Path]:
     """The files that :func:`write_height` writes for `path`: the heights, their scale, their mask.
 
     Raises FileError if they cannot be written there, or would overwrite a scale or mask that this program did not make.
@@ -128,7 +128,7 @@ def height_files(path: str | os.PathLike[str], bits: int | None) -> list[Path]:
 
 @takes_files
 def write_height(
-    path: str | os.PathLike[str],
+    path: AnyPath,
     heights: HeightMap,
     *,
     bits: int | None = None,
@@ -222,7 +222,7 @@ def _scale_data(scale: HeightScale, heights: HeightMap, lowest: float, highest: 
     }
 
 
-def read_height(path: str | os.PathLike[str]) -> HeightMap:
+def read_height(path: AnyPath) -> HeightMap:
     """Read heights that :func:`write_height` wrote, with their scale, mask and camera.
 
     Parameters
@@ -277,7 +277,7 @@ def _kept_data(path: Path) -> dict[str, Any] | None:
     return data if isinstance(data, dict) else None
 
 
-def _read_mask_beside(file: Path, name: Any, shape: tuple[int, ...]) -> NDArray[np.bool_]:
+def _read_mask_beside(file: Path, name: Any, shape: tuple[int, ...]) -> Bools:
     if name is None:
         return np.ones(shape, bool)
     # The name is untrusted and must not lead to another folder.

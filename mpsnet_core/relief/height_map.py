@@ -1,12 +1,12 @@
 """Height maps: the surface's height towards the camera at every pixel, also as a field over the image."""
 
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mpsnet_core.arrays.sizes import check_same_size
+from mpsnet_core.arrays.types import F32, Bools, Floats
 from mpsnet_core.errors import GeometryError
 from mpsnet_core.io.from_files import takes_files
 from mpsnet_core.io.shown import Shown
@@ -33,10 +33,10 @@ class HeightMap(Shown):
 
     array_name: ClassVar[str] = "values"
 
-    values: NDArray[np.float32]
+    values: F32
     """(H, W) float32. Heights in the camera's unit, 0 outside the mask. With an orthographic camera, each connected
     piece of the mask is known up to a constant; with a perspective one, up to a factor, and heights are below 0."""
-    mask: NDArray[np.bool_]
+    mask: Bools
     """(H, W) bool. Where the surface is."""
     camera: Camera
     """The photo's camera; :func:`mpsnet_core.scene.camera.pixel_camera` if it is unknown."""
@@ -57,7 +57,7 @@ class HeightMap(Shown):
         inside = self.values[self.mask]
         return f"{len(inside):,} heights from {inside.min():.4g} to {inside.max():.4g}"
 
-    def picture(self, step: int = 1) -> NDArray[np.float32]:
+    def picture(self, step: int = 1) -> F32:
         from mpsnet_core.scene.pictures import error_picture
 
         inside = self.values[self.mask]
@@ -65,12 +65,12 @@ class HeightMap(Shown):
         values = self.values[::step, ::step] - low
         return error_picture(values, self.mask[::step, ::step], max(high - low, 1e-30))
 
-    def points(self) -> NDArray[np.floating[Any]]:
+    def points(self) -> Floats:
         """(H, W, 3) points in camera space, meaningless outside the mask."""
         return self.camera.points(-self.values)
 
 
-def parallel_heights(heights: HeightMap) -> NDArray[np.float32]:
+def parallel_heights(heights: HeightMap) -> F32:
     """(H, W) heights in the camera's unit, 0 outside the mask. Planes stay planes, and occlusion is preserved.
 
     Heights of an orthographic camera are unchanged. For a perspective one, -1 / depth, which maps straight lines to

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mpsnet_core.arrays.row_bands import bands
+from mpsnet_core.arrays.types import F32, F64, I64, Bools
 
 T = TypeVar("T", bound=np.generic)
 
@@ -35,9 +36,9 @@ AT_ONCE = 1 << 15
 class Sector:
     """Directions around a line in the image."""
 
-    step: NDArray[np.int64]
+    step: I64
     """(2,) int64. Whole pixels to the right and up along the line."""
-    angles: NDArray[np.float64]
+    angles: F64
     """(4, 4) float64. Direction of each pixel of a block in radians, from right towards up."""
     share: float
     """Fraction of all angles that the sector and its opposite cover."""
@@ -46,7 +47,7 @@ class Sector:
         """The opposite sector."""
         return Sector(-self.step, self.angles + np.pi, self.share)
 
-    def ways(self) -> NDArray[np.float64]:
+    def ways(self) -> F64:
         """(4, 4, 2) unit vectors of the directions, right and up."""
         return np.stack([np.cos(self.angles), np.sin(self.angles)], axis=-1)
 
@@ -77,13 +78,13 @@ def to_cells(values: NDArray[T]) -> NDArray[T]:
     return np.ascontiguousarray(divided.transpose(1, 3, 0, 2))
 
 
-def from_cells(cells: NDArray[np.float32], shape: tuple[int, ...]) -> NDArray[np.float32]:
+def from_cells(cells: F32, shape: tuple[int, ...]) -> F32:
     """The image (H, W) from cells, the inverse of :func:`to_cells`."""
     height, width = cells.shape[2:]
     return cells.transpose(2, 0, 3, 1).reshape(BLOCK * height, BLOCK * width)[: shape[0], : shape[1]]
 
 
-def cell_bands(cells: NDArray[np.float32]) -> list[slice]:
+def cell_bands(cells: F32) -> list[slice]:
     """Bands of rows in cells, whose intermediate arrays stay in the CPU cache."""
     return bands(cells.shape[2], max(1, AT_ONCE // cells.shape[3]))
 
@@ -92,16 +93,16 @@ def cell_bands(cells: NDArray[np.float32]) -> list[slice]:
 class OcclusionGrid:
     """The surface, in cells."""
 
-    heights: NDArray[np.float32]
+    heights: F32
     """(4, 4, h, w) float32. Heights in any unit, 0 outside the mask."""
-    mask: NDArray[np.bool_]
+    mask: Bools
     """(4, 4, h, w) bool. Where the surface is."""
-    slopes: Callable[[tuple[int, ...], slice], tuple[NDArray[np.float32], NDArray[np.float32]]]
+    slopes: Callable[[tuple[int, ...], slice], tuple[F32, F32]]
     """Gives, for some rows in one cell, the rise to the next pixel on the right and above by the surface's own
     gradient; computed when needed, because it takes much memory."""
 
 
-def horizons(ground: OcclusionGrid, sector: Sector, reach: int) -> NDArray[np.float32]:
+def horizons(ground: OcclusionGrid, sector: Sector, reach: int) -> F32:
     """(4, 4, h, w) the highest gradient in each pixel's direction, per pixel of distance, up to `reach` pixels away.
 
     Minus infinity where there is no surface. With distance, longer stretches parallel to the sector's line are sampled,
@@ -159,7 +160,7 @@ def _overlap(shape: tuple[int, ...], step: tuple[int, int]) -> tuple[tuple[slice
     return own, ahead
 
 
-def _double(highest: NDArray[np.float32], place: NDArray[np.uint16], stretch: int, step: NDArray[np.int64]) -> None:
+def _double(highest: F32, place: NDArray[np.uint16], stretch: int, step: I64) -> None:
     """Turn `highest` and `place` into those of stretches twice as long, in place.
 
     The cells that follow one another form rings: in each, only the first cell is copied, to which the last one leads.
@@ -180,8 +181,8 @@ def _double(highest: NDArray[np.float32], place: NDArray[np.uint16], stretch: in
 
 
 def _raise_horizons(
-    gradients: NDArray[np.float32],
-    parts: tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.float32], NDArray[np.uint16] | None],
+    gradients: F32,
+    parts: tuple[F32, F32, F32, NDArray[np.uint16] | None],
     step: tuple[int, int],
     along: tuple[float, float],
     aside: float,

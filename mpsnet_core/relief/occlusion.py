@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from mpsnet_core.arrays.mask_regions import bounding_box
 from mpsnet_core.arrays.row_bands import bands
+from mpsnet_core.arrays.types import F32, F64, I64, Bools
 from mpsnet_core.arrays.unit_vectors import dot
 from mpsnet_core.errors import SettingsError
 from mpsnet_core.io.from_files import takes_files
@@ -31,7 +32,7 @@ OFF, TURNED = np.float32(0.5), np.float32(0.05)
 @takes_files
 def ambient_occlusion(
     heights: HeightMap, normals: NormalMap, *, reach: int | None = None, progress: Progress = silent
-) -> NDArray[np.float32]:
+) -> F32:
     """The unoccluded fraction of the cosine-weighted hemisphere over each pixel's normal.
 
     Parameters
@@ -74,7 +75,7 @@ def ambient_occlusion(
     ground = _ground(heights, views)
     seen, open_sky = np.zeros((2, *ground.heights.shape), np.float32)
     for number, sector in enumerate(all_sectors):
-        both: list[NDArray[np.float32]] = []
+        both: list[F32] = []
         for end in (sector, sector.turned()):
             progress((number + len(both) / 2) / len(all_sectors), "ambient occlusion")
             both.append(horizons(ground, end, reach))
@@ -100,12 +101,12 @@ def check_reach(reach: int | None) -> None:
         raise SettingsError(f"ambient occlusion cannot reach over {reach} pixels; give 1 or more")
 
 
-def _extent(mask: NDArray[np.bool_]) -> int:
+def _extent(mask: Bools) -> int:
     """Largest possible distance between two pixels of the mask."""
     return int(hypot(*(side.stop - side.start - 1 for side in bounding_box(mask)))) + 1
 
 
-def _spacing(heights: HeightMap) -> NDArray[np.float64]:
+def _spacing(heights: HeightMap) -> F64:
     """(2,) distance of a pixel from the next on the right and above, in the unit of :func:`parallel_heights`."""
     return mean_depth(heights) / heights.camera.focal
 
@@ -114,21 +115,21 @@ def _spacing(heights: HeightMap) -> NDArray[np.float64]:
 class _View:
     """Normals and lines of sight of some pixels, as float32 arrays of one shape."""
 
-    x: NDArray[np.float32]
+    x: F32
     """x of the normal."""
-    y: NDArray[np.float32]
+    y: F32
     """y of the normal."""
-    upright: NDArray[np.float32]
+    upright: F32
     """Cosine between normal and line of sight."""
-    right: NDArray[np.float32]
+    right: F32
     """x of the unit vector to the camera."""
-    up: NDArray[np.float32]
+    up: F32
     """y of the unit vector to the camera."""
-    scale: NDArray[np.float32]
+    scale: F32
     """A gradient m of :func:`parallel_heights` along a unit vector e in the image plane is the direction e + m scale
     (right, up, ..)."""
 
-    def facing(self) -> NDArray[np.float32]:
+    def facing(self) -> F32:
         """The normal's component along `scale` times the line of sight, the axis of :func:`parallel_heights`."""
         return self.upright * self.scale
 
@@ -150,7 +151,7 @@ class _Views:
         columns = np.arange(cell[1], cell[1] + -(-width // BLOCK) * BLOCK, BLOCK)
         return self.at(np.minimum(lines, height - 1), np.minimum(columns, width - 1))
 
-    def at(self, lines: NDArray[np.int64], columns: NDArray[np.int64]) -> _View:
+    def at(self, lines: I64, columns: I64) -> _View:
         """The view of the pixels in some rows and columns."""
         part = np.ix_(lines, columns)
         n_x, n_y, n_z = np.ascontiguousarray(np.moveaxis(self.normals.vectors[part], -1, 0))
@@ -168,7 +169,7 @@ class _Views:
 def _ground(heights: HeightMap, views: _Views) -> OcclusionGrid:
     right, up = _spacing(heights).astype(np.float32)
 
-    def slopes(cell: tuple[int, ...], rows: slice) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    def slopes(cell: tuple[int, ...], rows: slice) -> tuple[F32, F32]:
         view = views.of(cell, rows)
         facing = np.maximum(view.facing(), MIN_FACING)
         return -view.x * right / facing, -view.y * up / facing
@@ -176,9 +177,7 @@ def _ground(heights: HeightMap, views: _Views) -> OcclusionGrid:
     return OcclusionGrid(to_cells(parallel_heights(heights)), to_cells(heights.mask), slopes)
 
 
-def _slice(
-    view: _View, way: NDArray[np.float64], gradients: list[NDArray[np.float32]]
-) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+def _slice(view: _View, way: F64, gradients: list[F32]) -> tuple[F32, F32]:
     """Ambient light in the plane through the line of sight and a line in the image, with and without occlusion.
 
     way: (2,) step of one pixel along the line, right and up. gradients: ahead and back along it, per such step.
@@ -198,7 +197,7 @@ def _slice(
     return np.float32(0.5) * share, upright + angle * tilted
 
 
-def _averaged(found: NDArray[np.float32], views: _Views) -> NDArray[np.float32]:
+def _averaged(found: F32, views: _Views) -> F32:
     """(H, W) edge-preserving means over the block around each pixel: only over what is one smooth surface with it.
 
     Along rows, then along columns, over two neighbours on either side.
@@ -221,14 +220,8 @@ def _averaged(found: NDArray[np.float32], views: _Views) -> NDArray[np.float32]:
 
 
 def _means_along(
-    values: NDArray[np.float32],
-    raised: NDArray[np.float32],
-    facing: NDArray[np.float32],
-    mask: NDArray[np.bool_],
-    vectors: NDArray[np.float32],
-    leaning: NDArray[np.float32],
-    pixel: np.float32,
-) -> NDArray[np.float32]:
+    values: F32, raised: F32, facing: F32, mask: Bools, vectors: F32, leaning: F32, pixel: np.float32
+) -> F32:
     """(N, M) means along the first axis.
 
     raised: the heights. facing, leaning: components of the normals along the heights and along the axis. pixel: length

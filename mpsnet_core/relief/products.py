@@ -8,6 +8,7 @@ from typing import Any, TypeAlias, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from mpsnet_core.arrays.types import F32
 from mpsnet_core.errors import FileError, SettingsError
 from mpsnet_core.io.files import check_no_overwrite, prefix_errors, writable_image, write_transaction
 from mpsnet_core.io.frames import is_folder_or_pattern
@@ -56,9 +57,9 @@ class Surface:
     """Name of the camera's unit."""
     heights: HeightMap | None
     """Heights in that unit."""
-    occlusion: NDArray[np.float32] | None
+    occlusion: F32 | None
     """(H, W) float32. Fraction of ambient light that reaches each pixel."""
-    albedo: NDArray[np.float32] | None
+    albedo: F32 | None
     """(H, W, 3) float32. Linear colour of the surface without light and shadow."""
 
 

@@ -1,18 +1,18 @@
 """A height map as a mesh, with the photo as UV space, and its files."""
 
-import os
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mpsnet_core.arrays.types import F32, F64, I32, Bools, Floats
 from mpsnet_core.arrays.unit_vectors import dot
 from mpsnet_core.defaults import FACES, MAX_FACES
 from mpsnet_core.errors import FileError, GeometryError, SettingsError
 from mpsnet_core.io.files import atomic_write, writable_path
 from mpsnet_core.io.from_files import takes_files
+from mpsnet_core.io.opening import AnyPath
 from mpsnet_core.progress import Progress, silent
 from mpsnet_core.relief.adaptive_triangles import adaptive_triangles
 from mpsnet_core.relief.height_map import HeightMap, parallel_heights, pixel_size
@@ -21,7 +21,6 @@ from mpsnet_core.scene.camera import Camera
 from mpsnet_core.scene.mesh import triangle_normals
 from mpsnet_core.scene.normal_map import NormalMap
 
-Floats = NDArray[np.floating[Any]]
 Up = Literal["y", "z"]
 MESH_SUFFIXES = (".ply", ".glb", ".obj")
 # A mesh further from the origin than this many times its size is written with more digits: float32 has seven.
@@ -36,13 +35,13 @@ class NoFaceError(GeometryError):
 class SurfaceMesh:
     """A surface in world space."""
 
-    vertices: NDArray[np.float64]
+    vertices: F64
     """(V, 3) float64. Positions in world space, in the camera's unit."""
-    triangles: NDArray[np.int32]
+    triangles: I32
     """(T, 3) int32. Vertex indices, counter-clockwise seen from the camera."""
-    normals: NDArray[np.float32]
+    normals: F32
     """(V, 3) float32. Unit normals in world space, for smooth shading."""
-    uvs: NDArray[np.float32]
+    uvs: F32
     """(V, 2) float32. Positions in the photo: (0, 0) is its lower left corner, (1, 1) its upper right one."""
 
 
@@ -107,27 +106,25 @@ def surface_mesh(
     return SurfaceMesh(points[used], triangles, vectors, _uvs(camera, rows, columns))
 
 
-def _numbered(triangles: NDArray[np.int32]) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
+def _numbered(triangles: I32) -> tuple[I32, I32]:
     """(V,) the distinct indices in triangles (T, 3), and the triangles as indices into these."""
     used, places = np.unique(triangles, return_inverse=True)
     return used, places.reshape(-1, 3).astype(np.int32)
 
 
-def _points(
-    heights: HeightMap, rows: NDArray[np.int32], columns: NDArray[np.int32]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _points(heights: HeightMap, rows: I32, columns: I32) -> tuple[F64, F64]:
     """(V, 3) the pixels' points in world space, and (V, 3) unit directions of their rays."""
     origins, rays = heights.camera.rays(np.stack([columns, rows], axis=-1) + 0.5)
     along = rays @ -heights.camera.rotation[:, 2]
     return origins - rays * (heights.values[rows, columns] / along)[:, None], rays
 
 
-def _uvs(camera: Camera, rows: NDArray[np.int32], columns: NDArray[np.int32]) -> NDArray[np.float32]:
+def _uvs(camera: Camera, rows: I32, columns: I32) -> F32:
     centres = np.stack([columns, camera.height - 1 - rows], axis=-1) + 0.5
     return (centres / [camera.width, camera.height]).astype(np.float32)
 
 
-def _angles(corners: NDArray[np.float64], rays: NDArray[np.float64]) -> NDArray[np.float64]:
+def _angles(corners: F64, rays: F64) -> F64:
     """(T,) degrees between the normals of triangles (T, 3, 3) and the lines of sight, unit rays (T, 3)."""
     normals = triangle_normals(corners)
     lengths = np.maximum(np.linalg.norm(normals, axis=1), np.finfo(float).tiny)
@@ -142,14 +139,14 @@ def check_surface_mesh(faces: int, open_from: float | None) -> None:
         raise SettingsError(f"steps are left open from an angle between 0 and 90 degrees on, not {open_from:g}")
 
 
-def check_has_faces(mask: NDArray[np.bool_]) -> None:
+def check_has_faces(mask: Bools) -> None:
     """Raise GeometryError if no triangle of neighbouring pixels is within the mask, (H, W)."""
     ones = mask.astype(np.int8)
     if not (ones[:-1, :-1] + ones[:-1, 1:] + ones[1:, :-1] + ones[1:, 1:] >= 3).any():
         raise GeometryError("the surface is nowhere two pixels wide and high, so it has no face; leave the mesh out")
 
 
-def writable_mesh(path: str | os.PathLike[str]) -> Path:
+def writable_mesh(path: AnyPath) -> Path:
     """`path` as a Path. Raises FileError if no mesh can be written there."""
     path = writable_path(path)
     if path.suffix.lower() not in MESH_SUFFIXES:
@@ -159,7 +156,7 @@ def writable_mesh(path: str | os.PathLike[str]) -> Path:
 
 
 @takes_files
-def write_surface_mesh(path: str | os.PathLike[str], mesh: SurfaceMesh, *, up: Up = "z") -> None:
+def write_surface_mesh(path: AnyPath, mesh: SurfaceMesh, *, up: Up = "z") -> None:
     """Write a mesh with normals and UVs atomically as PLY, GLB or OBJ.
 
     Parameters

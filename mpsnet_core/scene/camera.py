@@ -1,16 +1,17 @@
 """Cameras, orthographic or perspective, with their pose; camera files."""
 
 import logging
-import os
 from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from mpsnet_core.arrays.types import F64, Floats
 from mpsnet_core.errors import FormatError, GeometryError, SettingsError
 from mpsnet_core.io.files import prefix_errors, read_json, write_json
 from mpsnet_core.io.from_files import takes_files
+from mpsnet_core.io.opening import AnyPath
 
 log = logging.getLogger(__name__)
 
@@ -54,13 +55,13 @@ class Camera:
     """Width of the image, in pixels."""
     height: int
     """Height of the image, in pixels."""
-    focal: NDArray[np.float64]
+    focal: F64
     """(2,) float64. Along x and y: the focal length in pixels if perspective, the pixels per world unit if
     orthographic."""
-    centre: NDArray[np.float64] = None  # type: ignore[assignment]  # never None once made
+    centre: F64 = None  # type: ignore[assignment]  # never None once made
     """(2,) float64. Principal point in pixels; pixel (row r, column c) covers [c, c+1] x [r, r+1] with row 0 on top.
     The image centre by default."""
-    world_from_camera: NDArray[np.float64] = field(default_factory=lambda: np.eye(4))
+    world_from_camera: F64 = field(default_factory=lambda: np.eye(4))
     """(4, 4) float64. Rigid pose; the identity by default. Camera axes: x right, y up, z towards the viewer (Blender's
     and OpenGL's)."""
 
@@ -89,7 +90,7 @@ class Camera:
             object.__setattr__(self, name, value)
 
     @property
-    def rotation(self) -> NDArray[np.float64]:
+    def rotation(self) -> F64:
         """(3, 3) rotation from camera space to world space."""
         return self.world_from_camera[:3, :3]
 
@@ -109,7 +110,7 @@ class Camera:
         centre = (self.centre - (left, top)) / factor
         return replace(self, width=width, height=height, focal=self.focal / factor, centre=centre)
 
-    def projection_rows(self) -> NDArray[np.float64]:
+    def projection_rows(self) -> F64:
         """(3, 4) projection matrix P: for a homogeneous world point p, P p is (x w, y w, w) in pixels."""
         camera_from_world = np.linalg.inv(self.world_from_camera)
         (fx, fy), (cx, cy) = self.focal, self.centre
@@ -117,10 +118,10 @@ class Camera:
             rows = np.array([[fx, 0, 0, cx], [0, -fy, 0, cy], [0, 0, 0, 1.0]])
         else:
             rows = np.array([[fx, 0, -cx, 0], [0, -fy, -cy, 0], [0, 0, -1.0, 0]])
-        projection: NDArray[np.float64] = rows @ camera_from_world
+        projection: F64 = rows @ camera_from_world
         return projection
 
-    def extent(self, points: NDArray[np.floating[Any]]) -> tuple[slice, slice]:
+    def extent(self, points: Floats) -> tuple[slice, slice]:
         """Rows and columns of the image that bound world points (N, 3), at least one of each.
 
         All of them if a point is beside or behind the camera, where projections are meaningless.
@@ -136,12 +137,12 @@ class Camera:
             spans.append(slice(start, int(np.clip(np.ceil(place.max()) + 2, start + 1, length))))
         return spans[0], spans[1]
 
-    def depth_row(self) -> NDArray[np.float64]:
+    def depth_row(self) -> F64:
         """(4,) row d: a homogeneous world point's distance in front of the camera along its axis is d·p."""
-        row: NDArray[np.float64] = -np.linalg.inv(self.world_from_camera)[2]
+        row: F64 = -np.linalg.inv(self.world_from_camera)[2]
         return row
 
-    def points(self, depth: NDArray[np.floating[Any]], first_row: int = 0) -> NDArray[np.float64]:
+    def points(self, depth: Floats, first_row: int = 0) -> F64:
         """(h, W, 3) points in camera space: rows of pixels from `first_row` on, at `depth` (h, W) along the axis."""
         depth = np.asarray(depth, np.float64)
         x = (np.arange(depth.shape[1]) + 0.5 - self.centre[0]) / self.focal[0]
@@ -149,7 +150,7 @@ class Camera:
         scale = depth if self.projection == "perspective" else np.ones_like(depth)
         return np.stack([x * scale, y[:, None] * scale, -depth], axis=-1)
 
-    def rays(self, points: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def rays(self, points: ArrayLike) -> tuple[F64, F64]:
         """World-space origins and unit directions, each (N, 3), of the rays through image points (N, 2) in pixels."""
         points = np.asarray(points, dtype=np.float64)
         x, y = ((points - self.centre) / self.focal * (1, -1)).T
@@ -219,7 +220,7 @@ def camera_for(camera: Camera | float | None, width: int, height: int, remedy: s
     return camera.resized(width, height)
 
 
-def _numbers(value: ArrayLike, shape: tuple[int, ...], what: str, most: float) -> NDArray[np.float64]:
+def _numbers(value: ArrayLike, shape: tuple[int, ...], what: str, most: float) -> F64:
     try:
         array = np.array(value, dtype=np.float64)
     except (TypeError, ValueError, OverflowError):
@@ -254,7 +255,7 @@ def camera_from_data(data: dict[str, Any]) -> Camera:
     return Camera(**{key: data[key] for key in CAMERA_KEYS if key in data})
 
 
-def read_camera(path: str | os.PathLike[str]) -> Camera:
+def read_camera(path: AnyPath) -> Camera:
     """Read a JSON camera file.
 
     Raises
@@ -272,7 +273,7 @@ def read_camera(path: str | os.PathLike[str]) -> Camera:
 
 
 @takes_files
-def write_camera(path: str | os.PathLike[str], camera: Camera) -> None:
+def write_camera(path: AnyPath, camera: Camera) -> None:
     """Write a JSON camera file atomically.
 
     Raises

@@ -7,6 +7,7 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from mpsnet_core.arrays.types import F32
 from mpsnet_core.arrays.unit_vectors import normalised
 from mpsnet_core.io.from_files import takes_files
 from mpsnet_core.scene.mesh import Mesh
@@ -45,5 +46,5 @@ def _outwards(mesh: Mesh, at_corners: NDArray[T]) -> NDArray[T]:
     return at_corners[:, ::-1] if mesh.is_mirrored else at_corners
 
 
-def _world_normals(mesh: Mesh) -> NDArray[np.float32]:
+def _world_normals(mesh: Mesh) -> F32:
     return normalised(mesh.corner_normals @ mesh.normals_to_world.astype(np.float32))

@@ -1,7 +1,6 @@
 """Meshes of triangles with UVs, shading normals and tangents at every corner; mesh files."""
 
 import logging
-import os
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -12,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mpsnet_core.arrays.polygon_triangulation import triangulated
+from mpsnet_core.arrays.types import F32, F64, I32, I64
 from mpsnet_core.arrays.unit_vectors import SHORTEST, dot, normalised
 from mpsnet_core.errors import FormatError, GeometryError
 from mpsnet_core.io.files import existing_file, prefix_errors
@@ -19,6 +19,7 @@ from mpsnet_core.io.gltf import Part, read_gltf
 from mpsnet_core.io.mesh_import import SUFFIXES, read_shape
 from mpsnet_core.io.npz import read_arrays
 from mpsnet_core.io.obj import MAX_CORNERS, read_obj
+from mpsnet_core.io.opening import AnyPath
 from mpsnet_core.io.ply import read_ply
 from mpsnet_core.io.polygons import Polygons, checked_indices
 from mpsnet_core.scene.mesh_labels import Labels, labels_of_runs
@@ -55,23 +56,23 @@ class Mesh:
     [1.0, 0.0, 0.0, 1.0]
     """
 
-    vertices: NDArray[np.float64]
+    vertices: F64
     """(V, 3) float64. Positions. Unused vertices are dropped: a stray one far away would distort the mesh's size."""
-    triangles: NDArray[np.int32]
+    triangles: I32
     """(T, 3) int32. Vertex indices, counter-clockwise seen from outside."""
-    corner_normals: NDArray[np.float32]
+    corner_normals: F32
     """(T, 3, 3) float32. Unit shading normals."""
-    uvs: NDArray[np.float32]
+    uvs: F32
     """(T, 3, 2) float32. UV coordinates, v up. A texture covers one unit square."""
-    given_tangents: NDArray[np.float32] | None = None
+    given_tangents: F32 | None = None
     """(T, 3, 4) float32. The value of :attr:`tangents`; by default it is computed by MikkTSpace."""
-    world_from_object: NDArray[np.float64] = field(default_factory=lambda: np.eye(4))
+    world_from_object: F64 = field(default_factory=lambda: np.eye(4))
     """(4, 4) float64. Affine transform, scaling included; the identity by default."""
     materials: Labels | None = None
     """Each triangle's material."""
     objects: Labels | None = None
     """Each triangle's object."""
-    polygons: NDArray[np.int32] | None = None
+    polygons: I32 | None = None
     """(T,) int32. The polygon of each triangle, for the tangents of quads: see
     :func:`.mikktspace.mikktspace_tangents`."""
 
@@ -114,26 +115,26 @@ class Mesh:
                 raise GeometryError(f"the mesh has {count} triangles, but {what} for {len(labels)}; export it again")
 
     @cached_property
-    def tangents(self) -> NDArray[np.float32]:
+    def tangents(self) -> F32:
         """(T, 3, 4) unit tangent T of every corner, then the sign s of its bitangent B = s N x T."""
         if self.given_tangents is not None:
             return self.given_tangents
         return mikktspace_tangents(self.vertices[self.triangles], self.corner_normals, self.uvs, self.polygons)
 
     @cached_property
-    def world_vertices(self) -> NDArray[np.float64]:
+    def world_vertices(self) -> F64:
         """(V, 3) vertices in world space."""
-        placed: NDArray[np.float64] = self.vertices @ self.world_from_object[:3, :3].T + self.world_from_object[:3, 3]
+        placed: F64 = self.vertices @ self.world_from_object[:3, :3].T + self.world_from_object[:3, 3]
         return placed
 
     @cached_property
-    def world_areas(self) -> NDArray[np.float64]:
+    def world_areas(self) -> F64:
         """(T,) areas of the triangles in world space."""
-        areas: NDArray[np.float64] = np.linalg.norm(triangle_normals(self.world_vertices[self.triangles]), axis=1) / 2
+        areas: F64 = np.linalg.norm(triangle_normals(self.world_vertices[self.triangles]), axis=1) / 2
         return areas
 
     @cached_property
-    def outwards(self) -> NDArray[np.float32]:
+    def outwards(self) -> F32:
         """(T, 3) unit normals of the triangles' outsides in world space: what a camera sees of them depends on these.
 
         Shading normals only tell the outside of the whole mesh: they may point anywhere, as on foliage.
@@ -150,7 +151,7 @@ class Mesh:
         return bool(np.count_nonzero(outwards < 0) > len(outwards) / 2)
 
     @cached_property
-    def normals_to_world(self) -> NDArray[np.float64]:
+    def normals_to_world(self) -> F64:
         """(3, 3) matrix to multiply row normals in object space by for world space. It does not keep unit length.
 
         Normals transform by the inverse transpose; for row vectors, that is the inverse.
@@ -170,19 +171,19 @@ def _check_finite(name: str, values: NDArray[Any]) -> None:
         raise GeometryError(f"the mesh's {name} hold a value beyond {MAX_VALUE:g}; repair the mesh")
 
 
-def _scales(pose: NDArray[np.float64]) -> NDArray[np.float64]:
+def _scales(pose: F64) -> F64:
     """(3,) scale factors (singular values) of a pose, largest first."""
-    scales: NDArray[np.float64] = np.linalg.svd(pose[:3, :3], compute_uv=False)
+    scales: F64 = np.linalg.svd(pose[:3, :3], compute_uv=False)
     return scales
 
 
-def _check_pose(world_from_object: NDArray[np.float64]) -> None:
+def _check_pose(world_from_object: F64) -> None:
     scales = _scales(world_from_object)
     if scales[-1] <= 1e-9 * scales[0]:
         raise GeometryError("the object is scaled to nothing in one direction; give it a scale above 0")
 
 
-def read_mesh(path: str | os.PathLike[str], *, shape_only: bool = False, up: Up = "z", unit: float = 1.0) -> Mesh:
+def read_mesh(path: AnyPath, *, shape_only: bool = False, up: Up = "z", unit: float = 1.0) -> Mesh:
     """Read a mesh with UVs: OBJ, PLY, GLB, or the ``.npz`` that the add-on writes.
 
     Polygons are triangulated. All objects and materials of the file become one mesh, labelled with their names. Shading
@@ -229,9 +230,9 @@ def read_mesh(path: str | os.PathLike[str], *, shape_only: bool = False, up: Up 
     return mesh
 
 
-def world_from_file(up: Up, unit: float) -> NDArray[np.float64]:
+def world_from_file(up: Up, unit: float) -> F64:
     """(4, 4) transform to world space from that of a file with this axis up, whose unit has this length."""
-    turned: NDArray[np.float64] = np.diag([unit, unit, unit, 1.0]) @ (_FROM_Y_UP if up == "y" else np.eye(4))
+    turned: F64 = np.diag([unit, unit, unit, 1.0]) @ (_FROM_Y_UP if up == "y" else np.eye(4))
     return turned
 
 
@@ -279,7 +280,7 @@ def _mesh_of(read: Callable[[Path], Polygons]) -> Callable[[Path, bool], Mesh]:
     return lambda path, shape_only: _of_polygons(read(path), shape_only)
 
 
-def _of_polygons(found: Polygons, shape_only: bool, world_from_object: NDArray[np.float64] | None = None) -> Mesh:
+def _of_polygons(found: Polygons, shape_only: bool, world_from_object: F64 | None = None) -> Mesh:
     """Triangulate and shade what a file says. Polygons of fewer than three corners are left out."""
     found = _faces_of(found)
     if not len(found.sizes):
@@ -334,7 +335,7 @@ def _counted(runs: Sequence[tuple[str, int]], numbers: NDArray[Any]) -> list[tup
     return [(name, int(count)) for (name, _), count in zip(runs, np.diff(summed), strict=True)]
 
 
-def _labels(runs: Sequence[tuple[str, int]] | None, triangles: NDArray[np.int64]) -> Labels | None:
+def _labels(runs: Sequence[tuple[str, int]] | None, triangles: I64) -> Labels | None:
     """Labels of triangles from names with the number of polygons of each. triangles: (F,) how many each polygon has."""
     return None if runs is None else labels_of_runs(_counted(runs, triangles))
 
@@ -357,7 +358,7 @@ def _read_glb(path: Path, shape_only: bool) -> Mesh:
     corners = np.concatenate([part.triangles.ravel() + start for part, start in zip(placed, starts, strict=True)])
     counts = [len(part.triangles) for part in placed]
 
-    def joined(name: str, width: int) -> NDArray[np.float64]:
+    def joined(name: str, width: int) -> F64:
         values = [getattr(part, name) for part in placed]
         rows = np.concatenate(
             [
@@ -365,7 +366,7 @@ def _read_glb(path: Path, shape_only: bool) -> Mesh:
                 for part, value in zip(placed, values, strict=True)
             ]
         )
-        found: NDArray[np.float64] = rows[corners]
+        found: F64 = rows[corners]
         return found
 
     found = Polygons(
@@ -390,7 +391,7 @@ def _read_glb(path: Path, shape_only: bool) -> Mesh:
     return _of_polygons(found, shape_only, frame)
 
 
-def _are_mirrored(tangents: NDArray[np.float64], uvs: NDArray[np.float64]) -> bool:
+def _are_mirrored(tangents: F64, uvs: F64) -> bool:
     """Whether the signs of most tangents of triangles, one for each corner, contradict the UVs'."""
     a, b, c = np.moveaxis(uvs.reshape(-1, 3, 2), 1, 0)
     (u1, v1), (u2, v2) = (b - a).T, (c - a).T
@@ -398,7 +399,7 @@ def _are_mirrored(tangents: NDArray[np.float64], uvs: NDArray[np.float64]) -> bo
     return bool(np.count_nonzero(signs < 0) > np.count_nonzero(signs > 0))
 
 
-def _frame(poses: Sequence[NDArray[np.float64]]) -> NDArray[np.float64]:
+def _frame(poses: Sequence[F64]) -> F64:
     """(4, 4) transform to world space from the space that the parts of a GLB are read in.
 
     That is world space itself, or the own space of the first part that its node scales non-uniformly: tangent-space
@@ -409,12 +410,12 @@ def _frame(poses: Sequence[NDArray[np.float64]]) -> NDArray[np.float64]:
     return next((pose for pose in poses if not _keeps_angles(pose)), np.eye(4))
 
 
-def _keeps_angles(pose: NDArray[np.float64]) -> bool:
+def _keeps_angles(pose: F64) -> bool:
     scales = _scales(pose)
     return bool(scales[-1] > (1 - SAME_SCALE) * scales[0])
 
 
-def _placed(part: Part, pose: NDArray[np.float64]) -> Part:
+def _placed(part: Part, pose: F64) -> Part:
     """A part transformed by `pose`."""
     vertices, triangles, normals, tangents = part.vertices, part.triangles, part.normals, part.tangents
     checked_indices(triangles, len(vertices))
@@ -431,12 +432,12 @@ def _placed(part: Part, pose: NDArray[np.float64]) -> Part:
     return replace(part, vertices=vertices, triangles=triangles, normals=normals, tangents=tangents)
 
 
-def _no_uvs(count: int) -> NDArray[np.float32]:
+def _no_uvs(count: int) -> F32:
     """(T, 3, 2) placeholder UVs: each triangle covers half of the texture."""
     return np.broadcast_to(np.array([[0, 0], [1, 0], [0, 1]], np.float32), (count, 3, 2))
 
 
-def _shaded(found: Polygons) -> NDArray[np.float32]:
+def _shaded(found: Polygons) -> F32:
     """(C, 3) unit normals: those of the file or, where it has none or a zero one, by its smoothing groups."""
     normals = np.full((len(found.corners), 3), np.nan) if found.normals is None else found.normals
     with np.errstate(over="ignore"):
@@ -456,9 +457,7 @@ def triangle_normals(corners: NDArray[Any]) -> NDArray[Any]:
     return normals
 
 
-def shared_normals(
-    corners: NDArray[np.float64], shared: NDArray[np.integer[Any]], sizes: NDArray[np.int64] | None = None
-) -> NDArray[np.float64]:
+def shared_normals(corners: F64, shared: NDArray[np.integer[Any]], sizes: I64 | None = None) -> F64:
     """(..., 3) normals like Blender's: the mean of the polygons' normals, weighted by the corners' angles.
 
     Parameters
@@ -482,7 +481,7 @@ def shared_normals(
     angles = np.arctan2(np.linalg.norm(np.cross(ahead, behind), axis=-1), dot(ahead, behind))
     weighted = np.repeat(faces, sizes, axis=0) * angles[:, None]
     summed = np.stack([np.bincount(number, weighted[:, axis]) for axis in range(3)], axis=-1)
-    normals: NDArray[np.float64] = normalised(summed)[number].reshape(corners.shape)
+    normals: F64 = normalised(summed)[number].reshape(corners.shape)
     return normals
 
 

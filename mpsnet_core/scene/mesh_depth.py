@@ -1,8 +1,8 @@
 """Depth maps of meshes, and masks of what a camera sees of them."""
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mpsnet_core.arrays.types import F32, Bools
 from mpsnet_core.arrays.upsample import chosen_pixels, reduced_shape
 from mpsnet_core.errors import GeometryError
 from mpsnet_core.io.from_files import takes_files
@@ -14,7 +14,7 @@ MASK_PIXELS = 2048
 
 
 @takes_files
-def depth_of_mesh(camera: Camera, scene: RayScene) -> NDArray[np.float32]:
+def depth_of_mesh(camera: Camera, scene: RayScene) -> F32:
     """Depth map of a mesh, by a ray through each pixel's centre.
 
     Parameters
@@ -50,12 +50,12 @@ def depth_of_mesh(camera: Camera, scene: RayScene) -> NDArray[np.float32]:
     return depth
 
 
-def mesh_mask(camera: Camera, scene: RayScene) -> NDArray[np.bool_]:
+def mesh_mask(camera: Camera, scene: RayScene) -> Bools:
     """(H, W) bool: the pixels in which the camera sees the mesh. Large images are sampled in blocks of a few pixels."""
     small = reduced_shape(camera.height, camera.width, MASK_PIXELS)
     rows, columns = chosen_pixels(*small, camera.height, camera.width)
     pixels = np.stack(np.meshgrid(columns + 0.5, rows + 0.5), axis=-1).reshape(-1, 2)
     origins, directions, _ = scene.rays_of(camera, pixels)
     seen = np.isfinite(scene.distances(origins, directions)).reshape(small)
-    mask: NDArray[np.bool_] = seen[np.ix_(*chosen_pixels(camera.height, camera.width, *small))]
+    mask: Bools = seen[np.ix_(*chosen_pixels(camera.height, camera.width, *small))]
     return mask

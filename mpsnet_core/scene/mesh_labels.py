@@ -4,8 +4,8 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mpsnet_core.arrays.types import I32
 from mpsnet_core.errors import GeometryError
 
 
@@ -27,7 +27,7 @@ class Labels:
 
     names: tuple[str, ...]
     """Distinct names."""
-    number: NDArray[np.int32]
+    number: I32
     """(T,) int32. Each triangle's index into `names`."""
 
     def __post_init__(self) -> None:

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from mpsnet_core.arrays.row_bands import bands, on_all_cores
+from mpsnet_core.arrays.types import F32, F64, I32, Bools, Floats
 from mpsnet_core.arrays.unit_vectors import dot
 from mpsnet_core.scene.camera import Camera
 from mpsnet_core.scene.mesh import Mesh
@@ -21,19 +22,19 @@ _NO_HIT = 1e30
 class Hits:
     """Where each ray first hits the mesh."""
 
-    triangle: NDArray[np.int32]
+    triangle: I32
     """(N,) int32. The triangle; -1 if the ray hits nothing."""
-    u: NDArray[np.float32]
+    u: F32
     """(N,) float32. Barycentric weight of the triangle's second corner; the first has 1 - u - v."""
-    v: NDArray[np.float32]
+    v: F32
     """(N,) float32. Barycentric weight of its third corner."""
-    distance: NDArray[np.float32]
+    distance: F32
     """(N,) float32. Distance along the ray; infinity if it hits nothing."""
 
     @property
-    def weights(self) -> NDArray[np.float32]:
+    def weights(self) -> F32:
         """(N, 3, 1) barycentric coordinates."""
-        weights: NDArray[np.float32] = np.stack([1 - self.u - self.v, self.u, self.v], axis=1)[..., None]
+        weights: F32 = np.stack([1 - self.u - self.v, self.u, self.v], axis=1)[..., None]
         return weights
 
     def subset(self, which: NDArray[np.integer[Any]]) -> "Hits":
@@ -48,7 +49,7 @@ class RayScene:
     low, high, middle: (3,) corners and centre of the mesh's bounding box. size: its diagonal.
     """
 
-    def __init__(self, vertices: NDArray[np.floating[Any]], triangles: NDArray[np.integer[Any]]) -> None:
+    def __init__(self, vertices: Floats, triangles: NDArray[np.integer[Any]]) -> None:
         from embreex.mesh_construction import TriangleMesh
         from embreex.rtcore_scene import EmbreeScene
 
@@ -65,7 +66,7 @@ class RayScene:
         """The scene of a mesh in world space."""
         return cls(mesh.world_vertices, mesh.triangles)
 
-    def rays_of(self, camera: Camera, points: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64], float]:
+    def rays_of(self, camera: Camera, points: ArrayLike) -> tuple[F64, F64, float]:
         """World-space origins and unit directions, each (N, 3), of a camera's rays through image points (N, 2).
 
         Also the distance by which the origins are moved back from the camera: an orthographic camera sees what is
@@ -85,7 +86,7 @@ class RayScene:
         """Depth of the mesh's centre in front of the camera, along its axis."""
         return float(camera.rotation[:, 2] @ (camera.world_from_camera[:3, 3] - self.middle))
 
-    def depths(self, camera: Camera, x: NDArray[np.floating[Any]], y: NDArray[np.floating[Any]]) -> NDArray[np.float32]:
+    def depths(self, camera: Camera, x: Floats, y: Floats) -> F32:
         """(h, w) depth of the mesh in a camera's image at columns `x` (w,) and rows `y` (h,) in pixels.
 
         Depth is along the camera's axis, relative to the mesh's centre; infinity where there is no surface. An
@@ -122,49 +123,39 @@ class RayScene:
         on_all_cores(trace, bands(len(y)))
         return depth
 
-    def distances(
-        self, origins: NDArray[np.floating[Any]], directions: NDArray[np.floating[Any]]
-    ) -> NDArray[np.float64]:
+    def distances(self, origins: Floats, directions: Floats) -> F64:
         """(N,) distance along each ray, with unit direction (N, 3), to its first hit; infinity if it hits nothing."""
         found = np.asarray(self._run(origins, directions, "DISTANCE"), np.float64)
         return np.where(found > _NO_HIT, np.inf, found * self.size)
 
-    def occluded_within(
-        self, origins: NDArray[np.float32], directions: NDArray[np.float32], reach: NDArray[np.float32]
-    ) -> NDArray[np.bool_]:
+    def occluded_within(self, origins: F32, directions: F32, reach: F32) -> Bools:
         """(N,) whether rays from origins (N, 3), relative to the mesh's centre, hit anything within `reach` (N,)."""
         scale = np.float32(1 / self.size)
         start, farthest = np.multiply(origins, scale, order="C"), reach * scale
         found = self._scene.run(start, np.ascontiguousarray(directions), dists=farthest, query="OCCLUDED")
-        occluded: NDArray[np.bool_] = found >= 0
+        occluded: Bools = found >= 0
         return occluded
 
-    def hits(self, origins: NDArray[np.floating[Any]], directions: NDArray[np.floating[Any]]) -> Hits:
+    def hits(self, origins: Floats, directions: Floats) -> Hits:
         """Where rays from origins (N, 3) in unit directions (N, 3) first hit the mesh."""
         found = self._run(origins, directions, "DISTANCE", output=1)
         # On a miss, Embree returns its largest float, which would overflow when scaled.
         distance = np.where(found["primID"] < 0, np.float32(np.inf), found["tfar"]) * np.float32(self.size)
         return Hits(found["primID"], found["u"], found["v"], distance)
 
-    def occluded(self, origins: NDArray[np.floating[Any]], directions: NDArray[np.floating[Any]]) -> NDArray[np.bool_]:
+    def occluded(self, origins: Floats, directions: Floats) -> Bools:
         """(N,) whether rays from origins (N, 3) in unit directions (N, 3), or a common one (1, 3), hit anything."""
-        occluded: NDArray[np.bool_] = self._run(origins, directions, "OCCLUDED") >= 0
+        occluded: Bools = self._run(origins, directions, "OCCLUDED") >= 0
         return occluded
 
-    def _run(
-        self, origins: NDArray[np.floating[Any]], directions: NDArray[np.floating[Any]], query: str, **settings: int
-    ) -> Any:
+    def _run(self, origins: Floats, directions: Floats, query: str, **settings: int) -> Any:
         middle = self.middle.astype(origins.dtype)
         start = np.ascontiguousarray((origins - middle) * origins.dtype.type(1 / self.size), np.float32)
         return self._scene.run(start, np.ascontiguousarray(directions, np.float32), query=query, **settings)
 
 
 def lift_to_curve(
-    lift: NDArray[np.floating[Any]],
-    points: NDArray[np.floating[Any]],
-    weights: Iterable[NDArray[np.floating[Any]]],
-    corners: Iterable[NDArray[np.floating[Any]]],
-    normals: Iterable[NDArray[np.floating[Any]]],
+    lift: Floats, points: Floats, weights: Iterable[Floats], corners: Iterable[Floats], normals: Iterable[Floats]
 ) -> None:
     """Add to `lift` (N, 3) the offsets from points (N, 3) on triangles to the curved surface that their normals imply.
 

@@ -1,6 +1,5 @@
 """Light rigs: the three lights and how their colours mix into the camera's channels; rig files."""
 
-import os
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -8,11 +7,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from mpsnet_core.arrays.types import F32, F64, Floats
 from mpsnet_core.errors import FormatError, GeometryError, SettingsError
 from mpsnet_core.io.files import atomic_write, check_small, existing_file, prefix_errors, read_json, write_json
 from mpsnet_core.io.from_files import takes_files
+from mpsnet_core.io.opening import AnyPath
 
 RIG_FORMAT = "mpsnet-rig"
 RIG_VERSION = 1
@@ -32,7 +33,7 @@ MAX_LOBE = 100
 MIN_LOBE_COSINE = 0.01
 
 
-def _matrix(value: ArrayLike, what: str) -> NDArray[np.float64]:
+def _matrix(value: ArrayLike, what: str) -> F64:
     try:
         matrix = np.array(value, dtype=np.float64)
     except (TypeError, ValueError, OverflowError):
@@ -46,7 +47,7 @@ def _matrix(value: ArrayLike, what: str) -> NDArray[np.float64]:
     return matrix
 
 
-def _three(value: ArrayLike, what: str) -> NDArray[np.float64]:
+def _three(value: ArrayLike, what: str) -> F64:
     try:
         three = np.array(value, dtype=np.float64)
     except (TypeError, ValueError, OverflowError):
@@ -71,10 +72,10 @@ class NearLights:
     Solution", Journal of Mathematical Imaging and Vision 60, 2018.
     """
 
-    positions: NDArray[np.float64]
+    positions: F64
     """(3, 3) float64. A light per row, in camera space (the scene has negative z), in the unit of the camera's pose and
     the mesh."""
-    target: NDArray[np.float64]
+    target: F64
     """(3,) float64. The point that the lights face. The rig's directions and mixing are valid there."""
     lobe: float = 0.0
     """Angular falloff around the axis to the target, as a power of the cosine: 0 for an isotropic bulb, 1 for a disc or
@@ -91,7 +92,7 @@ class NearLights:
         object.__setattr__(self, "positions", positions)
         object.__setattr__(self, "target", target)
 
-    def lights_at(self, points: NDArray[np.floating[Any]]) -> NDArray[np.float64]:
+    def lights_at(self, points: Floats) -> F64:
         """(..., 3, 3) for points (..., 3) in camera space: per row a light's unit direction times its brightness.
 
         The brightness follows the inverse-square law and the lobe. It is 1 at the target.
@@ -104,7 +105,7 @@ class NearLights:
         if self.lobe:
             cosine = np.einsum("...ki,ki->...k", towards, axes) / (distance * reach)
             brightness *= np.maximum(cosine, MIN_LOBE_COSINE) ** self.lobe
-        lights: NDArray[np.float64] = towards * (brightness / distance)[..., None]
+        lights: F64 = towards * (brightness / distance)[..., None]
         return lights
 
 
@@ -124,10 +125,10 @@ class LightRig:
     [90.0, 315.0, 225.0]
     """
 
-    directions: NDArray[np.float64]
+    directions: F64
     """(3, 3) float64. Per row a vector from the surface to a light, normalised here; in rig order: the lights of camera
     channels R, G, B. For near lights, the directions at the target."""
-    mixing: NDArray[np.float64] = field(default_factory=lambda: np.eye(3))
+    mixing: F64 = field(default_factory=lambda: np.eye(3))
     """(3, 3) float64. The mixing matrix: rows are the camera's channels, columns the lights in rig order. The identity
     (no crosstalk) by default. For near lights, the mixing at the target."""
     near: "NearLights | None" = None
@@ -171,12 +172,12 @@ class LightRig:
         object.__setattr__(self, "directions", directions)
         object.__setattr__(self, "mixing", mixing)
 
-    def lights_at(self, points: NDArray[np.floating[Any]]) -> NDArray[np.float64]:
+    def lights_at(self, points: Floats) -> F64:
         """(..., 3, 3) as :meth:`NearLights.lights_at` for points (..., 3) in camera space; for distant lights the
         directions (3, 3), which are the same everywhere."""
         return self.directions if self.near is None else self.near.lights_at(points)
 
-    def unmixed(self, image: NDArray[np.floating[Any]]) -> NDArray[np.float32]:
+    def unmixed(self, image: Floats) -> F32:
         """(..., 3) the contribution of each light: the inverse of the mixing matrix applied to the image.
 
         Inverts ``c = M s`` of the image formation for a grey surface; exact for any surface without crosstalk.
@@ -186,12 +187,12 @@ class LightRig:
         return image @ np.linalg.inv(self.mixing).T.astype(np.float32)
 
     @property
-    def slants(self) -> NDArray[np.float64]:
+    def slants(self) -> F64:
         """(3,) angles from +z in degrees."""
         return angles_of(self.directions)[0]
 
     @property
-    def tilts(self) -> NDArray[np.float64]:
+    def tilts(self) -> F64:
         """(3,) angles from +x towards +y in degrees, 0 to 360."""
         return angles_of(self.directions)[1]
 
@@ -211,13 +212,13 @@ def slant_and_tilt(option: str, given: str) -> tuple[float, float]:
     return slant, tilt
 
 
-def direction_from_angles(slant: ArrayLike, tilt: ArrayLike) -> NDArray[np.float64]:
+def direction_from_angles(slant: ArrayLike, tilt: ArrayLike) -> F64:
     """Unit vector(s), shape (..., 3), of light(s) at `slant` from +z and `tilt` from +x towards +y, in degrees."""
     slant, tilt = np.radians(np.asarray(slant, float)), np.radians(np.asarray(tilt, float))
     return np.stack([np.sin(slant) * np.cos(tilt), np.sin(slant) * np.sin(tilt), np.cos(slant)], axis=-1)
 
 
-def angles_of(directions: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def angles_of(directions: ArrayLike) -> tuple[F64, F64]:
     """Slants and tilts (0 to 360) in degrees, each (...), of directions (..., 3)."""
     x, y, z = np.moveaxis(np.asarray(directions, np.float64), -1, 0)
     return np.degrees(np.arctan2(np.hypot(x, y), z)), np.degrees(np.arctan2(y, x)) % 360.0
@@ -271,7 +272,7 @@ def near_rig(
     return LightRig(near.positions - near.target, mixed, near, is_ground_truth)
 
 
-def read_rig(path: str | os.PathLike[str]) -> LightRig:
+def read_rig(path: AnyPath) -> LightRig:
     """Read a rig file: JSON as :func:`write_rig` writes it, or an ``.lp`` file with exactly three lights.
 
     Raises
@@ -299,7 +300,7 @@ def read_rig(path: str | os.PathLike[str]) -> LightRig:
         )
 
 
-def has_mixing(path: str | os.PathLike[str]) -> bool:
+def has_mixing(path: AnyPath) -> bool:
     """Whether a rig file has a mixing matrix; .lp files do not. Raises as :func:`read_rig` does."""
     if Path(path).suffix.lower() == ".lp":
         return False
@@ -308,7 +309,7 @@ def has_mixing(path: str | os.PathLike[str]) -> bool:
 
 
 @contextmanager
-def rig_data(path: str | os.PathLike[str]) -> Iterator[tuple[dict[str, Any], bool]]:
+def rig_data(path: AnyPath) -> Iterator[tuple[dict[str, Any], bool]]:
     """The JSON of a rig file with three "lights", and whether they are near, which a "target" marks.
 
     Errors in the with block name the file. Raises FileError if it is missing, FormatError if it is malformed.
@@ -329,13 +330,13 @@ def rig_data(path: str | os.PathLike[str]) -> Iterator[tuple[dict[str, Any], boo
         yield data, near
 
 
-def _json_position(light: Any, name: str) -> NDArray[np.float64]:
+def _json_position(light: Any, name: str) -> F64:
     if not isinstance(light, dict) or set(light) != {"position"}:
         raise FormatError(f'the {name} light needs a "position" [x, y, z] and nothing else, as the others have one')
     return _three(light["position"], f"the {name} light's position")
 
 
-def _json_direction(light: Any, name: str) -> NDArray[np.float64]:
+def _json_direction(light: Any, name: str) -> F64:
     light = light if isinstance(light, dict) else {}
     if ("direction" in light) == ("slant" in light and "tilt" in light):
         raise FormatError(f'the {name} light needs either "direction" [x, y, z] or "slant" and "tilt" in degrees')
@@ -351,7 +352,7 @@ def _json_direction(light: Any, name: str) -> NDArray[np.float64]:
     return direction
 
 
-def write_lp(path: str | os.PathLike[str], directions: ArrayLike, names: Sequence[str]) -> None:
+def write_lp(path: AnyPath, directions: ArrayLike, names: Sequence[str]) -> None:
     """Write directions (N, 3) in the ``.lp`` format of reflectance transformation imaging (RTI), atomically.
 
     The file has a count, then lines "name x y z": x right, y up, z towards the camera. names: of the photos.
@@ -362,7 +363,7 @@ def write_lp(path: str | os.PathLike[str], directions: ArrayLike, names: Sequenc
         unfinished.write_text("\n".join([str(len(lines)), *lines]) + "\n", encoding="utf-8")
 
 
-def read_lp(path: str | os.PathLike[str]) -> tuple[list[str], NDArray[np.float64]]:
+def read_lp(path: AnyPath) -> tuple[list[str], F64]:
     """Read the ``.lp`` format of reflectance transformation imaging: a count, then "name x y z" on each line.
 
     The numbers may have decimal commas. A line that may mean something else is refused.
@@ -406,7 +407,7 @@ def _lp_number(word: str) -> float | None:
     return number if np.isfinite(number) else None
 
 
-def _lp_rig(directions: NDArray[np.float64], file_name: str) -> LightRig:
+def _lp_rig(directions: F64, file_name: str) -> LightRig:
     if len(directions) != 3:
         raise FormatError(
             f"it holds {len(directions)} lights, a rig has three; keep the lines of the red, green and blue light, or "
@@ -416,7 +417,7 @@ def _lp_rig(directions: NDArray[np.float64], file_name: str) -> LightRig:
 
 
 @takes_files
-def write_rig(path: str | os.PathLike[str], rig: LightRig) -> None:
+def write_rig(path: AnyPath, rig: LightRig) -> None:
     """Write a JSON rig file atomically.
 
     Raises
@@ -430,11 +431,7 @@ def write_rig(path: str | os.PathLike[str], rig: LightRig) -> None:
 
 
 def write_rig_data(
-    path: str | os.PathLike[str],
-    distant: list[dict[str, Any]],
-    near: NearLights | None,
-    mixing: NDArray[np.float64],
-    is_ground_truth: bool,
+    path: AnyPath, distant: list[dict[str, Any]], near: NearLights | None, mixing: F64, is_ground_truth: bool
 ) -> None:
     """Write a JSON rig file atomically, with the lights `near`, or `distant` if that is None."""
     data: dict[str, Any] = {"format": RIG_FORMAT, "version": RIG_VERSION, "lights": distant}

@@ -7,10 +7,9 @@ Equation 2 gives normals for three lights in any order and orientation, but thos
 import logging
 from dataclasses import dataclass
 from itertools import permutations
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mpsnet_core.arrays.orientation import (
     MIN_CELLS,
@@ -21,6 +20,7 @@ from mpsnet_core.arrays.orientation import (
     orientation_measures,
     probabilities,
 )
+from mpsnet_core.arrays.types import F64, Bools, Floats
 from mpsnet_core.arrays.unit_vectors import dot, normalised
 from mpsnet_core.io.image import CHANNELS
 from mpsnet_core.scene.rig import LightRig
@@ -61,7 +61,7 @@ class RigFit:
     not enough to tell."""
     better: str = ""
     """What is wrong with the rig, as in "the red and green lights are swapped"; empty unless that is sure."""
-    directions: NDArray[np.float64] | None = None
+    directions: F64 | None = None
     """(3, 3). The light directions that fit better, one light per row; None unless that is sure."""
 
 
@@ -72,9 +72,9 @@ class _Candidate(NamedTuple):
     """Numbers of the rig's lights."""
     turn: int
     """Index into :data:`TURNS`."""
-    lights: NDArray[np.float64]
+    lights: F64
     """(3, 3) directions, one light per row."""
-    measures: NDArray[np.float64]
+    measures: F64
     """(4,) measures of the Lambertian normals by these lights."""
 
     @property
@@ -88,7 +88,7 @@ class _Candidate(NamedTuple):
         return " and ".join(words for words in (_order_words(self.order), TURN_WORDS[self.turn]) if words)
 
 
-def check_rig(pixels: NDArray[np.floating[Any]], mask: NDArray[np.bool_], rig: LightRig) -> RigFit:
+def check_rig(pixels: Floats, mask: Bools, rig: LightRig) -> RigFit:
     """Whether a rig fits a photo.
 
     Parameters
@@ -121,7 +121,7 @@ def _fit_of(candidates: list[_Candidate]) -> RigFit:
     lights = np.array([one.lights for one in candidates])
     best = int(shares.argmax())
 
-    def largest_angles(directions: NDArray[np.float64]) -> NDArray[np.float64]:
+    def largest_angles(directions: F64) -> F64:
         """(N,) degrees from the light of each candidate that differs most."""
         return np.asarray(np.degrees(np.arccos(np.clip((lights * directions).sum(axis=2).min(axis=1), -1, 1))))
 
@@ -145,7 +145,7 @@ def _fit_of(candidates: list[_Candidate]) -> RigFit:
     return RigFit(stated, words, lights[best])
 
 
-def warn_of_wrong_rig(pixels: NDArray[np.floating[Any]], mask: NDArray[np.bool_], rig: LightRig, which: str) -> None:
+def warn_of_wrong_rig(pixels: Floats, mask: Bools, rig: LightRig, which: str) -> None:
     """Warn if a rig does not fit its photo. which: the beginning of the message. Others as in :func:`check_rig`."""
     better = check_rig(pixels, mask, rig).better
     if better:
@@ -170,9 +170,7 @@ def _order_words(order: tuple[int, ...]) -> str:
     return f"the red, green and blue channels show the rig's {first}, {second} and {third} lights"
 
 
-def _candidates(
-    light: NDArray[np.float64], lit: NDArray[np.bool_], outline: Outline, rig: LightRig, order: tuple[int, ...]
-) -> list[_Candidate]:
+def _candidates(light: F64, lit: Bools, outline: Outline, rig: LightRig, order: tuple[int, ...]) -> list[_Candidate]:
     """The candidates of one order. Their normals are the same, turned.
 
     light: (H, W, 3) unmixed means of blocks, not below 0. lit: (H, W) those that all lights reach.
@@ -186,7 +184,7 @@ def _candidates(
     return [_Candidate(order, turn, *both) for turn, both in enumerate(zip(turned, measures, strict=True))]
 
 
-def equal_albedo(colours: NDArray[np.float64], directions: NDArray[np.float64]) -> NDArray[np.float64]:
+def equal_albedo(colours: F64, directions: F64) -> F64:
     """(3,) factors of colours (P, 3) that make their albedo by equation 2 as constant as possible.
 
     directions: (3, 3) one light per row. The factors compensate for the unknown strengths of the lights, which would

@@ -9,9 +9,9 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mpsnet_core.arrays.rasterize import texel_areas
+from mpsnet_core.arrays.types import I64
 from mpsnet_core.errors import GeometryError, InputError
 from mpsnet_core.scene.mesh import Mesh
 from mpsnet_core.scene.mesh_labels import Labels
@@ -38,7 +38,7 @@ class TextureSet:
     (1, 1)
     """
 
-    parts: tuple[NDArray[np.int64] | None, ...]
+    parts: tuple[I64 | None, ...]
     """For each mesh, (K,) int64 indices of its triangles in the set; None for all of them."""
     tile: int | None = None
     """Number of the UDIM tile; None for the unit square from 0 to 1."""
@@ -96,12 +96,12 @@ def texture_sets(
 
 def _groups(
     meshes: Sequence[Mesh], materials: bool, objects: bool
-) -> Iterator[tuple[str | None, str | None, tuple[NDArray[np.int64] | None, ...]]]:
+) -> Iterator[tuple[str | None, str | None, tuple[I64 | None, ...]]]:
     """Yield object, material, and for each mesh the triangles that belong to both."""
     if not (materials or objects):
         yield None, None, (None,) * len(meshes)
         return
-    groups: dict[tuple[str | None, str | None], list[NDArray[np.int64]]] = {}
+    groups: dict[tuple[str | None, str | None], list[I64]] = {}
     taken: Counter[str] = Counter()
     for place, mesh in enumerate(meshes):
         object_names, object_of = _labels(mesh, mesh.objects, "object", objects)
@@ -117,7 +117,7 @@ def _groups(
         yield obj, material, tuple(parts)
 
 
-def _labels(mesh: Mesh, labels: Labels | None, what: str, split: bool) -> tuple[list[str], NDArray[np.int64]]:
+def _labels(mesh: Mesh, labels: Labels | None, what: str, split: bool) -> tuple[list[str], I64]:
     if not split or labels is None:
         return [NAMELESS[what]], np.zeros(len(mesh.triangles), np.int64)
     return [name or NAMELESS[what] for name in labels.names], labels.number.astype(np.int64)
@@ -157,7 +157,7 @@ def _tiles(meshes: Sequence[Mesh], group: TextureSet) -> list[TextureSet]:
     return found
 
 
-def _reach(mesh: Mesh, part: NDArray[np.int64] | None) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+def _reach(mesh: Mesh, part: I64 | None) -> tuple[I64, I64]:
     """(K, 2) lower left corners of the first and the last unit square that each triangle covers."""
     uvs = mesh.uvs if part is None else mesh.uvs[part]
     # Clip to one beyond the tiles: enough to tell what is outside, and int64 cannot overflow.
@@ -167,7 +167,7 @@ def _reach(mesh: Mesh, part: NDArray[np.int64] | None) -> tuple[NDArray[np.int64
     return low, np.maximum(low, high)
 
 
-def _tile_numbers(low: NDArray[np.int64], high: NDArray[np.int64]) -> set[int]:
+def _tile_numbers(low: I64, high: I64) -> set[int]:
     numbers = set()
     for first_u, first_v, last_u, last_v in np.unique(np.concatenate([low, high], axis=1), axis=0).tolist():
         for v in range(max(first_v, 0), min(last_v, ROWS_OF_TILES - 1) + 1):

@@ -3,9 +3,9 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mpsnet_core.arrays.connected_components import connected
+from mpsnet_core.arrays.types import F64, I32, I64
 from mpsnet_core.scene.mesh import Mesh
 
 # UVs closer than this coincide; a texel of the largest texture is 60 times as wide.
@@ -20,13 +20,13 @@ ASKEW = np.array([0.62, 0.55, 0.56])
 class Islands:
     """UV islands: triangles that are connected in UV space, and the seams that separate them on the surface."""
 
-    of_triangle: NDArray[np.int32]
+    of_triangle: I32
     """(T,). Number of each triangle's island, from 0. Islands are ordered by their position in space, which does not
     change when the mesh is subdivided."""
-    seam_uvs: NDArray[np.float64]
+    seam_uvs: F64
     """(E, 2 sides, 2 ends, 2). UVs of the surface's edges that lie at two places in the texture. The ends are in the
     same order on both sides."""
-    seam_islands: NDArray[np.int32]
+    seam_islands: I32
     """(E, 2). The island on either side."""
 
     @property
@@ -57,12 +57,12 @@ def islands_of(mesh: Mesh) -> Islands:
     return Islands(islands, uvs[sides], islands[sides // 3])
 
 
-def welded(mesh: Mesh) -> NDArray[np.int64]:
+def welded(mesh: Mesh) -> I64:
     """(T, 3) vertex indices of the triangles' corners, equal for vertices at the same point."""
     return np.unique(mesh.vertices, axis=0, return_inverse=True)[1].reshape(-1)[mesh.triangles]
 
 
-def _in_order(mesh: Mesh, islands: NDArray[np.int64]) -> NDArray[np.int32]:
+def _in_order(mesh: Mesh, islands: I64) -> I32:
     middles = mesh.vertices[mesh.triangles].mean(axis=1) @ ASKEW
     mean = np.bincount(islands, middles) / np.bincount(islands)
     rank = np.empty(len(mean), np.int32)

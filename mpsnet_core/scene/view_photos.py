@@ -1,7 +1,6 @@
 """Photos with their cameras, from photogrammetry or from the project's own files."""
 
 import logging
-import os
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -9,6 +8,7 @@ from typing import TYPE_CHECKING
 from mpsnet_core.errors import FileError, SettingsError
 from mpsnet_core.io.files import prefix_errors
 from mpsnet_core.io.image_reading import read_size
+from mpsnet_core.io.opening import AnyPath
 from mpsnet_core.io.photo_folder import PhotoFolder
 from mpsnet_core.scene.camera import AS_SOLVED, Camera, camera_for, read_camera
 from mpsnet_core.scene.view_files import read_views
@@ -24,7 +24,7 @@ CAMERA_SUFFIX = ".camera.json"
 COLMAP_SUFFIXES = (".bin", ".txt")
 
 
-def camera_files(cameras: str | os.PathLike[str]) -> list[Path]:
+def camera_files(cameras: AnyPath) -> list[Path]:
     """The files that :func:`posed_photos` may read cameras from: the given file, or the camera files in a folder."""
     path = Path(cameras)
     if not path.is_dir():
@@ -48,9 +48,7 @@ class ViewPhoto:
     """Folder of the photo, relative to the folder of all photos."""
 
 
-def posed_photos(
-    cameras: str | os.PathLike[str], photos: str | os.PathLike[str] | None = None, *, layer: str | None = None
-) -> list[ViewPhoto]:
+def posed_photos(cameras: AnyPath, photos: AnyPath | None = None, *, layer: str | None = None) -> list[ViewPhoto]:
     """Photos with their cameras, sorted by name. A camera of another size than its photo is scaled, with a note.
 
     Parameters

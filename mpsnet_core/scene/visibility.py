@@ -3,8 +3,8 @@
 import logging
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mpsnet_core.arrays.types import F32, Bools
 from mpsnet_core.arrays.upsample import reduced_shape
 from mpsnet_core.scene.camera import Camera
 from mpsnet_core.scene.rays import RayScene
@@ -66,9 +66,7 @@ class Visibility:
             self.planes[..., 1] = (right - left) / 2
             self.planes[..., 2] = (below - above) / 2
 
-    def seen(
-        self, points: NDArray[np.float32], x: NDArray[np.float32], y: NDArray[np.float32], depth: NDArray[np.float32]
-    ) -> NDArray[np.bool_]:
+    def seen(self, points: F32, x: F32, y: F32, depth: F32) -> Bools:
         """(N,) visibility of points (3, N), relative to the scene's centre, at pixels x and y (N,) of the image.
 
         depth: (N,) along the camera's axis, relative to the scene's centre. The points must face the camera.
@@ -84,13 +82,13 @@ class Visibility:
         x -= np.float32(0.5)
         y -= np.float32(0.5)
         with np.errstate(invalid="ignore"):
-            seen: NDArray[np.bool_] = depth <= plane[:, 0] + plane[:, 1] * x + plane[:, 2] * y
+            seen: Bools = depth <= plane[:, 0] + plane[:, 1] * x + plane[:, 2] * y
         unsure = np.flatnonzero(np.isnan(plane[:, 0]))
         if len(unsure):
             seen[unsure] = ~self._hidden(points[:, unsure])
         return seen
 
-    def _hidden(self, points: NDArray[np.float32]) -> NDArray[np.bool_]:
+    def _hidden(self, points: F32) -> Bools:
         """(N,) whether points (3, N) are occluded from the camera."""
         if self.camera.projection == "perspective":
             eye = self.camera.world_from_camera[:3, 3] - self.scene.middle

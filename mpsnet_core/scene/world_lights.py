@@ -1,14 +1,14 @@
 """Three lights that are fixed in the world while the camera moves."""
 
-import os
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mpsnet_core.arrays.types import F64
 from mpsnet_core.errors import FormatError, GeometryError
+from mpsnet_core.io.opening import AnyPath
 from mpsnet_core.scene.camera import Camera
 from mpsnet_core.scene.rig import LIGHT_NAMES, LightRig, NearLights, near_rig, rig_data, write_rig_data
 
@@ -23,9 +23,9 @@ class WorldLights:
         If the directions are not three finite vectors, or one is zero.
     """
 
-    directions: NDArray[np.float64]
+    directions: F64
     """(3, 3) float64. Per row a vector from the surface to a light, in world space; in rig order."""
-    mixing: NDArray[np.float64] = field(default_factory=lambda: np.eye(3))
+    mixing: F64 = field(default_factory=lambda: np.eye(3))
     """(3, 3) float64. The mixing matrix, as in :class:`LightRig`."""
     near: NearLights | None = None
     """The positions of the lights, if they are near, and their target, in world space."""
@@ -59,7 +59,7 @@ def in_world(rig: LightRig, camera: Camera) -> WorldLights:
     return WorldLights(directions, rig.mixing, NearLights(places[:3], places[3], rig.near.lobe), rig.is_ground_truth)
 
 
-def read_world_lights(path: str | os.PathLike[str]) -> WorldLights:
+def read_world_lights(path: AnyPath) -> WorldLights:
     """Read a rig file whose lights have a "direction": [x, y, z] or a "position" in world space.
 
     Raises FileError if the file is missing, FormatError if it is malformed or has other lights.
@@ -78,7 +78,7 @@ def read_world_lights(path: str | os.PathLike[str]) -> WorldLights:
         return WorldLights(near.positions - near.target, mixing, near, exact)
 
 
-def write_world_lights(path: str | os.PathLike[str], lights: WorldLights) -> None:
+def write_world_lights(path: AnyPath, lights: WorldLights) -> None:
     """Write a rig file with lights in world space atomically."""
     distant = [{"direction": direction.tolist()} for direction in lights.directions]
     write_rig_data(path, distant, lights.near, lights.mixing, lights.is_ground_truth)

@@ -6,9 +6,9 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mpsnet_core.arrays.rasterize import texel_coordinates, triangle_of_texel
+from mpsnet_core.arrays.types import F32
 from mpsnet_core.errors import SettingsError
 from mpsnet_core.io.files import check_no_overwrite, writable_image, write_transaction
 from mpsnet_core.io.image_reading import read_size
@@ -146,9 +146,7 @@ def _with_texels(chosen: list[TextureSet], normals: str, mesh: Mesh) -> list[Tex
     ]
 
 
-def _write_heights(
-    parts: Mapping[Path, NDArray[np.float32]], found: Displacement, bits: int | None, unit: str
-) -> HeightScale:
+def _write_heights(parts: Mapping[Path, F32], found: Displacement, bits: int | None, unit: str) -> HeightScale:
     """Write each file's part of the heights, all with one scale. Returns the scale."""
     ends = float(found.values.min()), float(found.values.max())
     for file, values in parts.items():
@@ -157,7 +155,7 @@ def _write_heights(
     return means
 
 
-def _write_normals(parts: Mapping[Path, NDArray[np.float32]]) -> None:
+def _write_normals(parts: Mapping[Path, F32]) -> None:
     for file, vectors in parts.items():
         write_vectors(file, vectors)
 

@@ -5,8 +5,8 @@ from dataclasses import dataclass, replace
 from itertools import chain
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mpsnet_core.arrays.types import F32, I64
 from mpsnet_core.errors import GeometryError, SettingsError
 from mpsnet_core.relief.sizes import MAX_SIZE, check_square
 from mpsnet_core.scene.mesh import Mesh
@@ -17,7 +17,7 @@ from mpsnet_core.scene.texture_sets import TextureSet
 class Tiles:
     """UDIM tiles, arranged in a texture of `side` x `side` squares, starting at the lower left."""
 
-    corners: NDArray[np.int64]
+    corners: I64
     """(N, 2) int64. The tiles' lower left corners in UV space."""
 
     @property
@@ -35,7 +35,7 @@ class Tiles:
         # Tangents are those of the original UVs, which may be connected across a tile's border.
         return replace(mesh, uvs=uvs, given_tangents=mesh.tangents)
 
-    def joined(self, textures: Iterable[NDArray[np.float32]]) -> NDArray[np.float32]:
+    def joined(self, textures: Iterable[F32]) -> F32:
         """(side S, side S, K) the tiles' textures (S, S, K) joined, read one by one; 0 where there is no tile.
 
         Raises InputError if they differ in size, are not square, or are too large together.
@@ -57,7 +57,7 @@ class Tiles:
             whole[place] = texture
         return whole
 
-    def parted(self, whole: NDArray[np.float32]) -> list[NDArray[np.float32]]:
+    def parted(self, whole: F32) -> list[F32]:
         """Each tile's part (S, S, ...) of the texture (side S, side S, ...)."""
         return [whole[place] for place in self._places(len(whole) // self.side)]
 

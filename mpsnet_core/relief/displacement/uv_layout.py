@@ -1,12 +1,11 @@
 """A mesh's layout in a texture: the triangle under each texel, and the texels that meet at the seams."""
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mpsnet_core.arrays.rasterize import NO_AREA, texel_areas, texel_coordinates, triangle_of_texel
+from mpsnet_core.arrays.types import F64, I32, I64, Bools, Floats
 from mpsnet_core.errors import GeometryError
 from mpsnet_core.scene.mesh import Mesh
 from mpsnet_core.scene.uv_islands import Islands, islands_of
@@ -27,16 +26,16 @@ class Layout:
 
     mesh: Mesh
     """The mesh, with T triangles."""
-    corners: NDArray[np.float64]
+    corners: F64
     """(T, 3, 2) float64. Texel coordinates of the triangles' corners."""
-    triangle: NDArray[np.int32]
+    triangle: I32
     """(S, S) int32. The triangle that covers each texel, -1 for none."""
-    island: NDArray[np.int32]
+    island: I32
     """(S, S) int32. The UV island that covers each texel, -1 for none."""
     islands: Islands
     """The mesh's UV islands."""
 
-    def at(self, rows: slice, *layers: NDArray[np.floating[Any]]) -> list[NDArray[np.float64]]:
+    def at(self, rows: slice, *layers: Floats) -> list[F64]:
         """(h, S, K) corner values (T, 3, K), interpolated linearly over each triangle, at some rows of texels; 0 where
         there is no triangle."""
         triangle = self.triangle[rows]
@@ -56,7 +55,7 @@ class Layout:
             found.append(values)
         return found
 
-    def areas(self) -> NDArray[np.float64]:
+    def areas(self) -> F64:
         """(T,) area of a texel on each triangle, in world units."""
         return self.mesh.world_areas / np.maximum(texel_areas(self.corners), NO_AREA)
 
@@ -88,9 +87,7 @@ class Layout:
         return Seams(places, np.where(texels >= 0, number[texels], -1).astype(np.int32), offsets)
 
 
-def _samples_within(
-    ends: NDArray[np.float64], size: int
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.int64]]:
+def _samples_within(ends: F64, size: int) -> tuple[F64, F64, I64]:
     """For each seam the interval, within 0 to 1, in which a side is in the texture, and its number of sample points.
 
     ends: (M, 2 sides, 2 ends, 2) texel coordinates.
@@ -115,16 +112,16 @@ def _samples_within(
 class Seams:
     """M sample points along the seams, and the texels next to them."""
 
-    places: NDArray[np.float64]
+    places: F64
     """(M, 2, 2) float64. Texel coordinates of each point on either side of the seam."""
-    texels: NDArray[np.int32]
+    texels: I32
     """(M, 2) int32. The nearest covered texel on each side, as an index among all covered texels in row-major order; -1
     on islands that are too small to cover one there."""
-    offsets: NDArray[np.float64]
+    offsets: F64
     """(M, 2, 2) float64. Offset of the point, right and down in texels, from that texel's centre."""
 
     @property
-    def met(self) -> NDArray[np.bool_]:
+    def met(self) -> Bools:
         """(M,) whether both sides cover a texel, and not the same one."""
         return (self.texels >= 0).all(axis=1) & (self.texels[:, 0] != self.texels[:, 1])
 

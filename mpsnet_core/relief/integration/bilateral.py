@@ -1,10 +1,10 @@
 """The bilateral method: a surface with breaks at depth discontinuities."""
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mpsnet_core.arrays.mask_regions import dilated
 from mpsnet_core.arrays.row_bands import bands
+from mpsnet_core.arrays.types import F32, Bools
 from mpsnet_core.progress import Progress, part, silent
 from mpsnet_core.relief.integration.fast import equations, fast
 from mpsnet_core.relief.integration.gradients import MIN_FACING, Gradients
@@ -32,7 +32,7 @@ FIRST_PASSES, PASSES, ITERATIONS = 24, 12, 6
 STARTED = 0.25
 
 
-def bilateral(wanted: Gradients, progress: Progress = silent) -> NDArray[np.float32]:
+def bilateral(wanted: Gradients, progress: Progress = silent) -> F32:
     """(H, W) depth, in the unit of :class:`Gradients`, by Cao, Santo, Okura and Matsushita, "Bilateral Normal
     Integration", 2022.
 
@@ -76,7 +76,7 @@ def _halved(wanted: Gradients) -> Gradients:
     return Gradients(facing, right, down, mask)
 
 
-def _doubled(depth: NDArray[np.float32], smaller: Gradients, mask: NDArray[np.bool_]) -> NDArray[np.float32]:
+def _doubled(depth: F32, smaller: Gradients, mask: Bools) -> F32:
     """Depth of all pixels of the mask, from that of their 2 x 2 blocks and the blocks' gradients."""
     doubled = np.zeros(mask.shape, np.float32)
     facing = np.maximum(smaller.facing, MIN_FACING)
@@ -89,7 +89,7 @@ def _doubled(depth: NDArray[np.float32], smaller: Gradients, mask: NDArray[np.bo
     return doubled
 
 
-def _searched(wanted: Gradients, depth: NDArray[np.float32]) -> NDArray[np.float32]:
+def _searched(wanted: Gradients, depth: F32) -> F32:
     """Depth in which the pixels next to each break belong to neither side, so that the break can move.
 
     After doubling, breaks are staircases of two pixels. A pixel on the wrong side would stay there: it is continuous
@@ -110,7 +110,7 @@ def _searched(wanted: Gradients, depth: NDArray[np.float32]) -> NDArray[np.float
     return relax_locally(weights, weighted_changes, depth, beside, SEARCHING)
 
 
-def _breaks(wanted: Gradients, weights: Links) -> NDArray[np.bool_]:
+def _breaks(wanted: Gradients, weights: Links) -> Bools:
     """(H, W) the pixels at both ends of the links that are cut."""
     mask, square = wanted.mask, np.square(wanted.facing)
     broken = np.zeros_like(mask)
@@ -124,13 +124,13 @@ def _breaks(wanted: Gradients, weights: Links) -> NDArray[np.bool_]:
     return broken
 
 
-def _agreement(gradient: NDArray[np.float32], facing: NDArray[np.float32]) -> NDArray[np.float32]:
+def _agreement(gradient: F32, facing: F32) -> F32:
     """(N - 1, M) agreement, from 0 to 1, of the pixels (N, M) at both ends of links along the first axis."""
     apart = (gradient[1:] - gradient[:-1]) * np.minimum(facing[1:], facing[:-1])
     return np.reciprocal(1 + np.square(apart / APART))
 
 
-def chosen_sides(wanted: Gradients, depth: NDArray[np.float32], off: float = OFF) -> tuple[Links, Links]:
+def chosen_sides(wanted: Gradients, depth: F32, off: float = OFF) -> tuple[Links, Links]:
     """Each link's weight, and its wanted change times the weight, given the current depth.
 
     off: residual of a pixel's equation, in pixels times `facing`, at which its weight is halved.
@@ -154,13 +154,7 @@ def chosen_sides(wanted: Gradients, depth: NDArray[np.float32], off: float = OFF
     return weights, weighted_changes
 
 
-def _along(
-    depth: NDArray[np.float32],
-    facing: NDArray[np.float32],
-    wanted: NDArray[np.float32],
-    mask: NDArray[np.bool_],
-    off: float,
-) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+def _along(depth: F32, facing: F32, wanted: F32, mask: Bools, off: float) -> tuple[F32, F32]:
     """Weights and weighted changes, each (N - 1, M), of the links along the first axis of (N, M) pixels."""
     linked = mask[1:] & mask[:-1]
     change = (depth[1:] - depth[:-1]) * linked

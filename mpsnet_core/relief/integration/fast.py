@@ -1,9 +1,9 @@
 """The fast method: least squares over all pixels, a surface without breaks."""
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mpsnet_core.arrays.row_bands import bands
+from mpsnet_core.arrays.types import F32, Bools
 from mpsnet_core.progress import Progress, silent
 from mpsnet_core.relief.integration.gradients import Gradients
 from mpsnet_core.relief.integration.multigrid import Links
@@ -14,7 +14,7 @@ from mpsnet_core.relief.integration.poisson import right_side, solve_poisson
 LOOSE = np.float32(0.03)
 
 
-def fast(wanted: Gradients, progress: Progress = silent) -> NDArray[np.float32]:
+def fast(wanted: Gradients, progress: Progress = silent) -> F32:
     """(H, W) depth, in the unit of :class:`Gradients`, by Poisson's equation.
 
     The change over a link is the mean of those that its two pixels require, weighted by the square of their `facing`.
@@ -49,7 +49,7 @@ def equations(wanted: Gradients) -> tuple[Links, Links]:
     return weights, weighted_changes
 
 
-def _means(values: NDArray[np.float32], mask: NDArray[np.bool_]) -> NDArray[np.float32]:
+def _means(values: F32, mask: Bools) -> F32:
     """(N - 1, M) the mean of both pixels' values (N, M) for every link along the first axis; 0 if one is outside."""
     means = values[1:] + values[:-1]
     means *= np.float32(0.5)
@@ -62,7 +62,7 @@ def _of_loops(links: Links, rows: slice) -> Links:
     return Links(links.right[rows.start : rows.stop + 1], links.down[rows])
 
 
-def _loop_weights(weights: Links, weighted_changes: Links) -> NDArray[np.float32]:
+def _loop_weights(weights: Links, weighted_changes: Links) -> F32:
     """(H - 1, W - 1) factor from 0 to 1 of each loop of four links, by how far it is from closing.
 
     A link gets the lower one of its two loops.
@@ -80,5 +80,5 @@ def _loop_weights(weights: Links, weighted_changes: Links) -> NDArray[np.float32
     return np.reciprocal(loose, out=loose)
 
 
-def _changes(weight: NDArray[np.float32], weighted_change: NDArray[np.float32]) -> NDArray[np.float32]:
+def _changes(weight: F32, weighted_change: F32) -> F32:
     return np.divide(weighted_change, weight, out=np.zeros_like(weighted_change), where=weight > 0)

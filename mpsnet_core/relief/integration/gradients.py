@@ -3,9 +3,9 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mpsnet_core.arrays.row_bands import bands
+from mpsnet_core.arrays.types import F32, Bools
 from mpsnet_core.relief.height_map import pixels_per_unit
 from mpsnet_core.scene.camera import Camera
 from mpsnet_core.scene.normal_map import NormalMap
@@ -25,13 +25,13 @@ class Gradients:
     steep pixels in least squares, because their gradients are uncertain.
     """
 
-    facing: NDArray[np.float32]
+    facing: F32
     """(H, W) float32. The factor on the change, at least MIN_FACING inside the mask, 0 outside."""
-    right: NDArray[np.float32]
+    right: F32
     """(H, W) float32. `facing` times the change to the next pixel on the right, 0 outside the mask."""
-    down: NDArray[np.float32]
+    down: F32
     """(H, W) float32. `facing` times the change to the next pixel below, 0 outside the mask."""
-    mask: NDArray[np.bool_]
+    mask: Bools
     """(H, W) bool. Where the surface is."""
 
 

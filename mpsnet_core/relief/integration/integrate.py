@@ -3,9 +3,9 @@
 from typing import Literal, get_args
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mpsnet_core.arrays.mask_regions import bounding_box, labelled
+from mpsnet_core.arrays.types import F32, Bools
 from mpsnet_core.errors import SettingsError, check_choice
 from mpsnet_core.io.from_files import takes_files
 from mpsnet_core.progress import Progress, part, silent
@@ -84,7 +84,7 @@ def integrate(
     return HeightMap(values, normals.mask, camera)
 
 
-def grained_box(mask: NDArray[np.bool_]) -> tuple[slice, slice]:
+def grained_box(mask: Bools) -> tuple[slice, slice]:
     """Rows and columns of the object, widened to multiples of GRAIN; heights there do not depend on the rest."""
     rows, columns = (
         slice(side.start & -GRAIN, min(side.stop + GRAIN - 1 & -GRAIN, length))
@@ -104,9 +104,7 @@ def _check(normals: NormalMap, camera: Camera, method: str, distance: float | No
         raise SettingsError("an orthographic camera sees no distance; leave it out, or give a perspective camera")
 
 
-def _in_unit(
-    depth: NDArray[np.float32], mask: NDArray[np.bool_], camera: Camera, distance: float
-) -> NDArray[np.float32]:
+def _in_unit(depth: F32, mask: Bools, camera: Camera, distance: float) -> F32:
     """Heights from the solver's result, with the requested mean for each piece."""
     labels, sizes = labelled(mask)
     pieces, sizes = labels[mask], np.maximum(sizes, 1)

@@ -3,9 +3,9 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mpsnet_core.arrays.row_bands import bands
+from mpsnet_core.arrays.types import F32, F64
 
 # Pixels per band: intermediate arrays stay in the CPU cache.
 AT_ONCE = 1 << 16
@@ -19,9 +19,9 @@ COARSEST = 4
 class Links:
     """A value for every pixel's link to the next one."""
 
-    right: NDArray[np.float32]
+    right: F32
     """(H, W - 1) float32. For the link to the pixel on the right."""
-    down: NDArray[np.float32]
+    down: F32
     """(H - 1, W) float32. For the link to the pixel below."""
 
 
@@ -31,9 +31,9 @@ class Grid:
 
     links: Links
     """Weights of the links."""
-    step: NDArray[np.float32]
+    step: F32
     """(H, W) float32. Factors on the residual in a Jacobi step, 0 for pixels without links."""
-    inverse: NDArray[np.float32] | None = None
+    inverse: F32 | None = None
     """(H W, H W) float32. Inverse of the coarsest level's matrix, None for the other levels."""
 
 
@@ -50,9 +50,7 @@ def build_grids(weights: Links) -> list[Grid]:
     ]
 
 
-def residual(
-    grid: Grid, u: NDArray[np.float32], target: NDArray[np.float32] | None, out: NDArray[np.float32]
-) -> NDArray[np.float32]:
+def residual(grid: Grid, u: F32, target: F32 | None, out: F32) -> F32:
     """Write target - A u to `out`, which may be `target`. A u sums weight * (u - neighbour) over a pixel's links.
 
     target: None for 0.
@@ -77,9 +75,7 @@ def residual(
     return out
 
 
-def v_cycle(
-    grids: list[Grid], residuals: NDArray[np.float32], scratch: NDArray[np.float32] | None = None
-) -> NDArray[np.float32]:
+def v_cycle(grids: list[Grid], residuals: F32, scratch: F32 | None = None) -> F32:
     """An approximate correction of u for its residuals: one V-cycle, symmetric for use as a preconditioner.
 
     scratch: (H, W) scratch memory, None to allocate it.
@@ -95,7 +91,7 @@ def v_cycle(
     return u
 
 
-def restrict(values: NDArray[np.float32]) -> NDArray[np.float32]:
+def restrict(values: F32) -> F32:
     """(H / 2, W / 2) sums over blocks of 2 x 2 pixels, which may be incomplete at the right and the bottom."""
     height, width = values.shape
     pairs = values[0::2].copy()
@@ -105,7 +101,7 @@ def restrict(values: NDArray[np.float32]) -> NDArray[np.float32]:
     return sums
 
 
-def prolong(values: NDArray[np.float32], blocks: NDArray[np.float32]) -> None:
+def prolong(values: F32, blocks: F32) -> None:
     """Add to every pixel of (H, W) the value of its block of 2 x 2 pixels."""
     for row in (0, 1):
         for column in (0, 1):
@@ -113,9 +109,7 @@ def prolong(values: NDArray[np.float32], blocks: NDArray[np.float32]) -> None:
             part += blocks[: part.shape[0], : part.shape[1]]
 
 
-def jacobi_steps(
-    grid: Grid, u: NDArray[np.float32], target: NDArray[np.float32], scratch: NDArray[np.float32], times: int
-) -> None:
+def jacobi_steps(grid: Grid, u: F32, target: F32, scratch: F32, times: int) -> None:
     """Take damped Jacobi steps of u towards A u = target, in place. scratch: (H, W) scratch memory."""
     for _ in range(times):
         residual(grid, u, target, scratch)
@@ -123,7 +117,7 @@ def jacobi_steps(
         u += scratch
 
 
-def jacobi_factors(links: Links) -> NDArray[np.float32]:
+def jacobi_factors(links: Links) -> F32:
     """(H, W) factors on the residual in a Jacobi step, 0 for pixels without links."""
     sums = np.zeros((links.right.shape[0], links.down.shape[1]), np.float32)
     sums[:, 1:] += links.right
@@ -147,7 +141,7 @@ def _coarser_links(links: Links) -> Links:
     return Links(between * np.float32(0.5), below * np.float32(0.5))
 
 
-def _matrix(links: Links, height: int, width: int) -> NDArray[np.float64]:
+def _matrix(links: Links, height: int, width: int) -> F64:
     numbers = np.arange(height * width).reshape(height, width)
     matrix = np.zeros((height * width,) * 2)
     pairs = ((numbers[:, :-1], numbers[:, 1:], links.right), (numbers[:-1], numbers[1:], links.down))

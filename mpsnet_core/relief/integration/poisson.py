@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from mpsnet_core.arrays.mask_regions import labelled
 from mpsnet_core.arrays.row_bands import bands
+from mpsnet_core.arrays.types import F32, I64, Bools
 from mpsnet_core.progress import Progress, silent
 from mpsnet_core.relief.integration.multigrid import (
     Grid,
@@ -40,13 +41,8 @@ REPORTED = 0.02
 
 
 def solve_poisson(
-    weights: Links,
-    sums: NDArray[np.float32],
-    start: NDArray[np.float32],
-    *,
-    max_iterations: int | None = None,
-    progress: Progress = silent,
-) -> NDArray[np.float32]:
+    weights: Links, sums: F32, start: F32, *, max_iterations: int | None = None, progress: Progress = silent
+) -> F32:
     """(H, W) weighted least-squares values u whose change over each link is closest to the wanted one.
 
     weights: 0 or above. sums: (H, W) :func:`right_side` of the wanted changes. start: (H, W) initial guess. Both are
@@ -101,9 +97,7 @@ def solve_poisson(
     return u
 
 
-def _remove_null_space(
-    residuals: NDArray[np.float32], labels: NDArray[np.integer[Any]], sizes: NDArray[np.int64]
-) -> None:
+def _remove_null_space(residuals: F32, labels: NDArray[np.integer[Any]], sizes: I64) -> None:
     """Subtract the mean of each connected part (:func:`labelled`) from a residual (H, W), in place.
 
     The constant of a connected part is undetermined (the null space of the system). Rounding errors in it would grow
@@ -117,9 +111,7 @@ def _remove_null_space(
         residuals[rows] -= means[labels[rows]]
 
 
-def relax_locally(
-    weights: Links, weighted_changes: Links, start: NDArray[np.float32], free: NDArray[np.bool_], times: int
-) -> NDArray[np.float32]:
+def relax_locally(weights: Links, weighted_changes: Links, start: F32, free: Bools, times: int) -> F32:
     """(H, W) an approximation of :func:`solve_poisson` where `free` (H, W), and `start` elsewhere.
 
     Each Jacobi step reaches a pixel's neighbours alone: suitable for strips of a few pixels.
@@ -131,7 +123,7 @@ def relax_locally(
     return u
 
 
-def right_side(weighted_changes: Links) -> NDArray[np.float32]:
+def right_side(weighted_changes: Links) -> F32:
     """(H, W) the right side of the normal equations: the sum of the weighted changes at each pixel."""
     sums = np.zeros((weighted_changes.right.shape[0], weighted_changes.down.shape[1]), np.float32)
     sums[:, 1:] += weighted_changes.right

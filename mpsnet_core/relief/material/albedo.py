@@ -1,9 +1,9 @@
 """Albedo: the fraction of each light's colour that the surface reflects, once its shape is known."""
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mpsnet_core.arrays.row_bands import bands
+from mpsnet_core.arrays.types import F32, Bools
 from mpsnet_core.capture.capture import Capture
 from mpsnet_core.estimate.distant_lights import convert_to_distant_lights
 from mpsnet_core.estimate.estimator import usable_channels
@@ -12,7 +12,7 @@ from mpsnet_core.estimate.estimator import usable_channels
 GRAZING, FULL = 0.1, 0.3
 
 
-def estimated_albedo(capture: Capture, normals: NDArray[np.float32], *, grey: bool = False) -> NDArray[np.float32]:
+def estimated_albedo(capture: Capture, normals: F32, *, grey: bool = False) -> F32:
     """(H, W, 3) the albedo of a matt surface, ``c_i / (n·l_i)``, as bright as the photo: 1 is a white card at 1.
 
     normals: (H, W, 3) unit vectors in camera space. Where a light does not reach the surface, only grazes it, or its
@@ -41,12 +41,10 @@ def estimated_albedo(capture: Capture, normals: NDArray[np.float32], *, grey: bo
     return found
 
 
-def _single(
-    distant: Capture, normals: NDArray[np.float32], usable: NDArray[np.bool_], rows: slice
-) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+def _single(distant: Capture, normals: F32, usable: Bools, rows: slice) -> tuple[F32, F32]:
     """The albedo of some rows by each channel alone, and its weight from 0 to 1."""
     light = distant.rig.unmixed(distant.image[rows])
     cosines = normals[rows] @ distant.rig.directions.T.astype(np.float32)
     trust = np.clip((cosines - GRAZING) / (FULL - GRAZING), 0, 1) * usable[rows]
-    albedo: NDArray[np.float32] = np.divide(np.maximum(light, 0), np.maximum(cosines, np.float32(GRAZING)))
+    albedo: F32 = np.divide(np.maximum(light, 0), np.maximum(cosines, np.float32(GRAZING)))
     return albedo, trust.astype(np.float32)

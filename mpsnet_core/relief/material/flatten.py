@@ -3,9 +3,9 @@
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mpsnet_core.arrays.block_means import block_means
+from mpsnet_core.arrays.types import F32, F64, I64
 from mpsnet_core.arrays.unit_vectors import normalised
 from mpsnet_core.relief.material.gradients import gradients_of
 
@@ -17,7 +17,7 @@ MIN_WEIGHT = 0.03
 _legvander: Any = np.polynomial.legendre.legvander  # untyped
 
 
-def flatten_normals(normals: NDArray[np.float32], bend: int) -> tuple[NDArray[np.float32], float]:
+def flatten_normals(normals: F32, bend: int) -> tuple[F32, float]:
     """Gradients (H, W, 2) of the flattened surface, and its tilt in degrees.
 
     normals: (H, W, 3) unit vectors in camera space. The mean normal is rotated to +z. Then large bends are subtracted
@@ -30,14 +30,14 @@ def flatten_normals(normals: NDArray[np.float32], bend: int) -> tuple[NDArray[np
     return gradients - trend(gradients, bend), float(np.degrees(np.arctan2(np.hypot(*mean[:2]), mean[2])))
 
 
-def flatten_albedo(albedo: NDArray[np.float32], bend: int) -> NDArray[np.float32]:
+def flatten_albedo(albedo: F32, bend: int) -> F32:
     """The albedo (H, W, 3) without low-frequency changes across the image. Each channel keeps its geometric mean."""
     logarithm = np.log(np.maximum(albedo, 1e-4))
     smooth = trend(logarithm, bend)
     return np.exp(logarithm - smooth + smooth.mean(axis=(0, 1)))
 
 
-def trend(values: NDArray[np.float32], degree: int) -> NDArray[np.float32]:
+def trend(values: F32, degree: int) -> F32:
     """(H, W, C) the polynomial of total `degree` that fits values (H, W, C) best, by weighted least squares.
 
     A polynomial of degree n crosses zero at most n times across the image: it follows n half waves. Legendre
@@ -61,26 +61,26 @@ def trend(values: NDArray[np.float32], degree: int) -> NDArray[np.float32]:
     return smooth
 
 
-def _middles(side: int, factor: int) -> NDArray[np.float64]:
+def _middles(side: int, factor: int) -> F64:
     """Centres of the blocks along a side, in pixels."""
     return np.arange(0, side, factor) + _sizes(side, factor) / 2
 
 
-def _window(side: int, factor: int) -> NDArray[np.float64]:
+def _window(side: int, factor: int) -> F64:
     """Weight of each block along a side: its number of pixels, reduced towards the ends.
 
     At the ends a weave is cut off within a period; the remainder would look like a bend.
     """
-    window: NDArray[np.float64] = MIN_WEIGHT + np.sin(np.pi * _middles(side, factor) / side) ** 2
+    window: F64 = MIN_WEIGHT + np.sin(np.pi * _middles(side, factor) / side) ** 2
     return _sizes(side, factor) * window
 
 
-def _sizes(side: int, factor: int) -> NDArray[np.int64]:
+def _sizes(side: int, factor: int) -> I64:
     """Number of pixels of each block along a side. The last one may be smaller."""
     return np.minimum(factor, side - np.arange(0, side, factor))
 
 
-def _turn_to_z(unit: NDArray[np.float64]) -> NDArray[np.float64]:
+def _turn_to_z(unit: F64) -> F64:
     """(3, 3) the shortest rotation of a unit vector with z above 0 to +z (Rodrigues' formula)."""
     x, y, z = unit
     across = np.array([[0, 0, -x], [0, 0, -y], [x, y, 0]])

@@ -1,12 +1,12 @@
 """Gradients of heights along an image's columns and rows. Unlike normals, they can be added and averaged."""
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mpsnet_core.arrays.types import F32, F64
 from mpsnet_core.arrays.unit_vectors import normalised
 
 
-def periodic_height(gradients: NDArray[np.float32], pitch: tuple[float, float]) -> NDArray[np.float32]:
+def periodic_height(gradients: F32, pitch: tuple[float, float]) -> F32:
     """(H, W) heights of mean 0, in the unit of `pitch`, whose gradients are closest to those given.
 
     gradients: (H, W, 2) along columns and rows (downwards). They are periodic in both directions, as are the heights.
@@ -25,7 +25,7 @@ def periodic_height(gradients: NDArray[np.float32], pitch: tuple[float, float]) 
     return np.fft.irfft2(spectrum, (height, width)).astype(np.float32)
 
 
-def remove_low_frequencies(values: NDArray[np.float32], half_waves: int) -> NDArray[np.float32]:
+def remove_low_frequencies(values: F32, half_waves: int) -> F32:
     """Periodic images (H, W, C) without waves of up to `half_waves` half waves per tile. The mean is kept.
 
     For oblique waves, the root of the sum of squares over both axes counts. In gradients, these low frequencies yield
@@ -42,7 +42,7 @@ def remove_low_frequencies(values: NDArray[np.float32], half_waves: int) -> NDAr
     return high
 
 
-def _waves(height: int, width: int, pitch: tuple[float, float]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _waves(height: int, width: int, pitch: tuple[float, float]) -> tuple[F64, F64]:
     """Wave numbers (radians per unit) along columns (1, W/2 + 1) and rows (H, 1); 0 for the Nyquist frequency of an
     even side, whose gradient at the pixels is 0."""
     across, down = 2 * np.pi * np.fft.rfftfreq(width, pitch[0]), 2 * np.pi * np.fft.fftfreq(height, pitch[1])
@@ -59,7 +59,7 @@ def _waves(height: int, width: int, pitch: tuple[float, float]) -> tuple[NDArray
 STEEPEST = 5.0
 
 
-def gradients_of(normals: NDArray[np.float32]) -> NDArray[np.float32]:
+def gradients_of(normals: F32) -> F32:
     """(..., 2) height per length to the right and downwards, from normals (..., 3), limited to STEEPEST."""
     facing = np.maximum(normals[..., 2:], 1 / STEEPEST)
     gradients = normals[..., :2] / facing * np.array([-1, 1], np.float32)
@@ -67,7 +67,7 @@ def gradients_of(normals: NDArray[np.float32]) -> NDArray[np.float32]:
     return (gradients / steep).astype(np.float32)
 
 
-def normals_of(gradients: NDArray[np.float32]) -> NDArray[np.float32]:
+def normals_of(gradients: F32) -> F32:
     """(..., 3) unit normals, x right, y up, z towards the camera, from gradients (..., 2) of :func:`gradients_of`."""
     columns, rows = np.moveaxis(gradients, -1, 0)
     return normalised(np.stack([-columns, rows, np.ones_like(rows)], axis=-1).astype(np.float32))

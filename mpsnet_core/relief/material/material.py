@@ -3,8 +3,8 @@
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mpsnet_core.arrays.types import F32, Bools
 from mpsnet_core.capture.capture import Capture
 from mpsnet_core.defaults import (
     BEND,
@@ -38,13 +38,13 @@ BRIGHTEST = 0.95
 class Material:
     """A tile of a flat material. All its textures are periodic."""
 
-    normals: NDArray[np.float32]
+    normals: F32
     """(H, W, 3) float32. Unit vectors: x right, y up, z out of the material. Their gradients have mean 0."""
-    height: NDArray[np.float32]
+    height: F32
     """(H, W) float32. In millimetres, mean 0."""
-    curvature: NDArray[np.float32]
+    curvature: F32
     """(H, W) float32. Sum of the principal curvatures in 1 / mm, above 0 where the material is convex."""
-    albedo: NDArray[np.float32]
+    albedo: F32
     """(H, W, 3) float32. Linear, 0 to 1."""
     width_mm: float
     """Width of the tile in millimetres."""
@@ -121,9 +121,7 @@ def flat_material(
     return _material(remove_low_frequencies(features, bend), cut, tiling, tilt, pixel_mm)
 
 
-def _material(
-    pictures: NDArray[np.float32], cut: NDArray[np.bool_], tiling: Tiling, tilt: float, pixel_mm: float
-) -> Material:
+def _material(pictures: F32, cut: Bools, tiling: Tiling, tilt: float, pixel_mm: float) -> Material:
     """The material from (h, w, 5) features of the tile: gradients and the albedo's logarithm."""
     gradients = pictures[..., :2] - pictures[..., :2].mean(axis=(0, 1))
     normals = normals_of(gradients)
@@ -204,9 +202,7 @@ def crop_to_filled_part(capture: Capture, crop: tuple[int, int, int, int] | None
     )
 
 
-def _flatten(
-    capture: Capture, normals: NormalMap, bend: int, grey: bool, progress: Progress
-) -> tuple[NDArray[np.float32], float]:
+def _flatten(capture: Capture, normals: NormalMap, bend: int, grey: bool, progress: Progress) -> tuple[F32, float]:
     """(H, W, 5) gradients along columns and rows and the albedo's logarithm, and the tilt that was removed."""
     progress(0.0, "laying the material flat")
     gradients, tilt = flatten_normals(normals.vectors, bend)
@@ -215,7 +211,7 @@ def _flatten(
     return np.concatenate([gradients, np.log(albedo)], axis=-1), tilt
 
 
-def _features_to_compare(features: NDArray[np.float32]) -> NDArray[np.float32]:
+def _features_to_compare(features: F32) -> F32:
     """Features for the comparison of places: gradients, and the logarithm of brightness, scaled to match."""
     brightness = features[..., 2:].mean(axis=-1, keepdims=True)
     return np.concatenate([features[..., :2], brightness - brightness.mean()], axis=-1)
@@ -229,7 +225,7 @@ def _tile_size(tiling: Tiling, size: int | None) -> tuple[int, int]:
     return down, across
 
 
-def _repeated_curvature(normals: NDArray[np.float32], pitch: tuple[float, float]) -> NDArray[np.float32]:
+def _repeated_curvature(normals: F32, pitch: tuple[float, float]) -> F32:
     """(H, W) the curvature of a periodic tile, computed with enough repetition around it."""
     around = CURVATURE_RADIUS + 1
     vectors = np.pad(normals, ((around, around), (around, around), (0, 0)), mode="wrap")
@@ -243,7 +239,7 @@ def _camera(shape: tuple[int, ...], pitch: tuple[float, float]) -> Camera:
     return Camera("orthographic", shape[1], shape[0], 1 / np.array(pitch))
 
 
-def _within_range(albedo: NDArray[np.float32]) -> NDArray[np.float32]:
+def _within_range(albedo: F32) -> F32:
     """Albedos of at most 1. All are darkened if one in a hundred exceeds BRIGHTEST."""
     bright = float(np.percentile(albedo[::4, ::4], 99))
     return np.clip(albedo * np.float32(min(1.0, BRIGHTEST / max(bright, 1e-6))), 0, 1)

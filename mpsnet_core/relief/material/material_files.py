@@ -1,15 +1,14 @@
 """A material as files: its textures, a JSON file with their scales, and a preview of it repeated."""
 
 import logging
-import os
 from dataclasses import asdict, dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mpsnet_core.arrays.types import F32
 from mpsnet_core.capture.capture import Capture
 from mpsnet_core.capture.masks import ALPHA_OR_NONE
 from mpsnet_core.capture.open import open_captures
@@ -30,6 +29,7 @@ from mpsnet_core.io.from_files import takes_files
 from mpsnet_core.io.image import linear_to_srgb
 from mpsnet_core.io.image_writing import write_image, write_picture
 from mpsnet_core.io.marks import made
+from mpsnet_core.io.opening import AnyPath
 from mpsnet_core.operation import Result
 from mpsnet_core.progress import Progress, part, silent
 from mpsnet_core.relief.curvature import curvature_picture, curvature_range
@@ -170,7 +170,7 @@ def _repeats(correlation: tuple[float | None, float | None]) -> str:
     return f"it repeats in the photo, {' and '.join(repeats)}" if repeats else "nothing in the photo repeats"
 
 
-def material_files(folder: str | os.PathLike[str], name: str) -> dict[str, Path]:
+def material_files(folder: AnyPath, name: str) -> dict[str, Path]:
     """The files that :func:`write_material` writes, by content: the PICTURES, and "material".
 
     Raises FileError if one of them exists and this program did not make it.
@@ -184,7 +184,7 @@ def material_files(folder: str | os.PathLike[str], name: str) -> dict[str, Path]
 
 @takes_files
 def write_material(
-    folder: str | os.PathLike[str], name: str, material: Material, *, convention: Convention = "opengl"
+    folder: AnyPath, name: str, material: Material, *, convention: Convention = "opengl"
 ) -> dict[str, Path]:
     """Write a material into a folder, which is created if needed. Either all files are written, or none.
 
@@ -228,7 +228,7 @@ def write_material(
     return files
 
 
-def repeated_picture(material: Material) -> NDArray[np.float32]:
+def repeated_picture(material: Material) -> F32:
     """(H, W, 3) sRGB values: the tile repeated `REPEATS` times each way, reduced to its size and relit."""
     bright = max(float(np.percentile(material.albedo[::4, ::4], 99)), 1e-6)
     normals = NormalMap(material.normals, np.ones(material.height.shape, bool))

@@ -2,14 +2,12 @@
 
 import numpy as np
 import OpenImageIO as oiio
-from numpy.typing import NDArray
 
+from mpsnet_core.arrays.types import F32, F64
 from mpsnet_core.relief.material.tiling import Tiling
 
 
-def sampled(
-    features: NDArray[np.float32], tiling: Tiling, size: tuple[int, int], overlap: tuple[int, int]
-) -> NDArray[np.float32]:
+def sampled(features: F32, tiling: Tiling, size: tuple[int, int], overlap: tuple[int, int]) -> F32:
     """(H + overlap[0], W + overlap[1], C) the centre of the photo, resampled along the tiling's steps.
 
     features: (H', W', C), of which the first two are gradients along columns and rows; they become gradients along the
@@ -30,9 +28,7 @@ def sampled(
     return taken
 
 
-def resampled(
-    values: NDArray[np.float32], places: NDArray[np.float64], shape: tuple[int, int], *, repeated: bool = False
-) -> NDArray[np.float32]:
+def resampled(values: F32, places: F64, shape: tuple[int, int], *, repeated: bool = False) -> F32:
     """Resample values (H, W, C) to `shape` under an affine map, low-pass filtered for reductions.
 
     places: (3, 3) matrix that maps a row vector (column, row, 1) to its position in `values`. repeated: values wrap

@@ -1,12 +1,11 @@
 """Seamless tiles: overlapping borders of an image joined along the line where they differ least."""
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mpsnet_core.arrays.mask_regions import box_sums
+from mpsnet_core.arrays.types import F32, I64, Bools, Floats
 
 # Pixels of cross-fade on either side of the cut.
 FEATHER = 2
@@ -16,9 +15,7 @@ MIN_JOINED = 2 * FEATHER + 1
 FADED = 8
 
 
-def make_seamless(
-    patch: NDArray[np.float32], overlap: tuple[int, int]
-) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
+def make_seamless(patch: F32, overlap: tuple[int, int]) -> tuple[F32, Bools]:
     """A tile (H, W, C) that repeats without a seam, from a larger image, and the places of its cuts.
 
     patch: (H + overlap[0], W + overlap[1], C): the rows and columns of the overlap at its end are equal, or similar, to
@@ -33,9 +30,7 @@ def make_seamless(
     return done, cut | second_cut
 
 
-def _make_rows_seamless(
-    patch: NDArray[np.float32], overlap: int, *, closed: bool
-) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
+def _make_rows_seamless(patch: F32, overlap: int, *, closed: bool) -> tuple[F32, Bools]:
     """The patch without its last `overlap` rows, blended so that its first row continues its last; and the cut.
 
     closed: the patch repeats along columns already, so the cut must meet itself there.
@@ -54,7 +49,7 @@ def _make_rows_seamless(
     return done, cut
 
 
-def minimum_cut(cost: NDArray[np.floating[Any]], *, closed: bool) -> NDArray[np.int64]:
+def minimum_cut(cost: Floats, *, closed: bool) -> I64:
     """(W,) the row in each column of the minimum-cost line across `cost` (H, W) (Efros and Freeman 2001).
 
     The line moves by at most one row per column, and stays FEATHER rows away from the upper and lower edge. closed: it
@@ -68,7 +63,7 @@ def minimum_cut(cost: NDArray[np.floating[Any]], *, closed: bool) -> NDArray[np.
     return line + FEATHER
 
 
-def _open_cut(cost: NDArray[np.floating[Any]], through: int | None) -> NDArray[np.int64]:
+def _open_cut(cost: Floats, through: int | None) -> I64:
     """The cheapest line by dynamic programming. If `through` is given, it starts in that row and ends next to it."""
     height, width = cost.shape
     total = cost[:, 0].astype(np.float64)
@@ -91,7 +86,7 @@ def _open_cut(cost: NDArray[np.floating[Any]], through: int | None) -> NDArray[n
     return line
 
 
-def _coarse(apart: NDArray[np.float32], reach: int, closed: bool) -> NDArray[np.float32]:
+def _coarse(apart: F32, reach: int, closed: bool) -> F32:
     """The low frequencies, coarser than `reach` pixels: a box filter over squares, applied twice."""
     sides = (2 * reach, 2 * reach) if closed else (0, 0)
     padded = np.pad(apart, ((0, 0), sides, (0, 0)), mode="wrap")
@@ -102,7 +97,7 @@ def _coarse(apart: NDArray[np.float32], reach: int, closed: bool) -> NDArray[np.
     return padded[:, sides[0] : padded.shape[1] - sides[1]]
 
 
-def _eased(share: NDArray[np.floating[Any]]) -> NDArray[np.float32]:
+def _eased(share: Floats) -> F32:
     """Smoothstep from 0 to 1."""
     share = np.clip(share, 0, 1)
     return (share * share * (3 - 2 * share)).astype(np.float32)
@@ -119,7 +114,7 @@ class Seam:
     """The same across the cuts."""
 
 
-def measure_seam(normals: NDArray[np.float32], cut: NDArray[np.bool_]) -> Seam:
+def measure_seam(normals: F32, cut: Bools) -> Seam:
     """Measure how visible the joins of a tile's normals (H, W, 3) are. cut: (H, W) where it was cut."""
     border, cuts, inner = [], [], []
     for axis in (0, 1):
@@ -133,7 +128,7 @@ def measure_seam(normals: NDArray[np.float32], cut: NDArray[np.bool_]) -> Seam:
     return Seam(_shares(border, inner), _shares(cuts, inner))
 
 
-def _shares(steps: list[NDArray[np.float32]], inner: list[NDArray[np.float32]]) -> tuple[float, float]:
+def _shares(steps: list[F32], inner: list[F32]) -> tuple[float, float]:
     these, those = np.concatenate(steps), np.concatenate(inner)
     if not len(these):
         return 1.0, 1.0

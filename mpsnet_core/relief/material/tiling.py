@@ -3,9 +3,9 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mpsnet_core.arrays.block_means import block_means
+from mpsnet_core.arrays.types import F32, F64, I64
 
 # Steps are searched in an image whose longer side is at most this, then refined in the photo itself.
 LONGEST = 2048
@@ -27,16 +27,16 @@ MAX_PEAKS = 1000
 class Tiling:
     """The two steps by which a tile of the material is repeated."""
 
-    right: NDArray[np.float64]
+    right: F64
     """(2,) float64. Step to the neighbour on the right, (columns, rows) of the photo's pixels."""
-    down: NDArray[np.float64]
+    down: F64
     """(2,) float64. Step to the neighbour below, (columns, rows) of the photo's pixels."""
     correlation: tuple[float | None, float | None]
     """Autocorrelation of the photo at each step: 1 if it repeats exactly, 0 if uncorrelated. None if no step stands
     out: the material does not repeat, and the tile is as large as the photo allows."""
 
 
-def find_tiling(features: NDArray[np.float32], overlap: float) -> Tiling:
+def find_tiling(features: F32, overlap: float) -> Tiling:
     """The tiling of a material, from the photo's features (H, W, C) of mean 0.
 
     A weave's step is a whole number of thread periods: a peak of the features' autocorrelation. Of the pairs of steps
@@ -58,7 +58,7 @@ def find_tiling(features: NDArray[np.float32], overlap: float) -> Tiling:
 class _Autocorrelation:
     """Autocorrelation of an image for steps along an axis."""
 
-    values: NDArray[np.float64]
+    values: F64
     """(2 across + 1, N) float64. Rows are pixels sideways, columns pixels along the axis."""
     least: int
     """The shortest step along the axis in pixels."""
@@ -66,7 +66,7 @@ class _Autocorrelation:
     """How far the steps reach sideways, in pixels."""
 
 
-def _autocorrelation(seen: NDArray[np.float32], most: float) -> _Autocorrelation:
+def _autocorrelation(seen: F32, most: float) -> _Autocorrelation:
     """``1 - Σ|f(x) - f(x + s)|² / Σ(|f(x)|² + |f(x + s)|²)`` over x with both in the image; steps s along columns."""
     height, width, channels = seen.shape
     last = max(1, min(int(most), width - 1))
@@ -84,7 +84,7 @@ def _autocorrelation(seen: NDArray[np.float32], most: float) -> _Autocorrelation
     return _Autocorrelation(2 * product / np.maximum(own + shifted, 1e-12), least, across)
 
 
-def _box(table: NDArray[np.float64], sideways: NDArray[np.int64], along: NDArray[np.int64]) -> NDArray[np.float64]:
+def _box(table: F64, sideways: I64, along: I64) -> F64:
     """Sums over the part of an image that stays within it after a step (`sideways` rows, `along` columns)."""
     height, width = table.shape[0] - 1, table.shape[1] - 1
     top, bottom = np.maximum(-sideways, 0), height - np.maximum(sideways, 0)
@@ -96,14 +96,14 @@ def _box(table: NDArray[np.float64], sideways: NDArray[np.int64], along: NDArray
 class _Peaks:
     """N peaks of the autocorrelation, the longest step first."""
 
-    steps: NDArray[np.float64]
+    steps: F64
     """(N, 2) float64. Steps of the peaks."""
-    correlation: NDArray[np.float64]
+    correlation: F64
     """(N,) float64. Autocorrelation at the peaks."""
 
 
 # A step (columns, rows) and the autocorrelation there.
-_Found = tuple[NDArray[np.float64], float]
+_Found = tuple[F64, float]
 
 
 def _peaks(autocorrelation: _Autocorrelation) -> _Peaks:
@@ -128,7 +128,7 @@ def _peaks(autocorrelation: _Autocorrelation) -> _Peaks:
     return _Peaks(np.reshape(places, (-1, 2)), heights[rows[order], columns[order]])
 
 
-def _chosen(across: _Peaks, down: _Peaks, frame: NDArray[np.float64]) -> list[_Found | None]:
+def _chosen(across: _Peaks, down: _Peaks, frame: F64) -> list[_Found | None]:
     """The step across and the step down; None for one without repetition. frame: (2,) room for the tile alone."""
     pairs = [across.steps[:, None], down.steps[None]]
     skew = np.abs(pairs[0][..., 1] / pairs[0][..., 0] + pairs[1][..., 0] / pairs[1][..., 1])
@@ -149,13 +149,13 @@ def _chosen(across: _Peaks, down: _Peaks, frame: NDArray[np.float64]) -> list[_F
     return found
 
 
-def _peak(three: NDArray[np.float64]) -> float:
+def _peak(three: F64) -> float:
     """Position of the peak, from -0.5 to 0.5, of the parabola through three values; the middle one is the highest."""
     curve = three[0] - 2 * three[1] + three[2]
     return float(np.clip(0.5 * (three[0] - three[2]) / curve, -0.5, 0.5)) if curve < 0 else 0.0
 
 
-def _refined(features: NDArray[np.float32], step: NDArray[np.float64], factor: int) -> NDArray[np.float64]:
+def _refined(features: F32, step: F64, factor: int) -> F64:
     """The step, found in an image `factor` times smaller, refined in the centre of the part where both its ends lie."""
     if factor == 1:
         return step
@@ -177,7 +177,7 @@ def _refined(features: NDArray[np.float32], step: NDArray[np.float64], factor: i
     return np.asarray(exact[::-1], np.float64)
 
 
-def _filled(found: list[_Found | None], frame: NDArray[np.float64]) -> Tiling:
+def _filled(found: list[_Found | None], frame: F64) -> Tiling:
     """The tiling, where a direction without repetition gets the longest step that fits, perpendicular to the other."""
     right, down = found
     if right is not None and down is not None:
@@ -192,9 +192,7 @@ def _filled(found: list[_Found | None], frame: NDArray[np.float64]) -> Tiling:
     return Tiling(*steps, (right and right[1], down and down[1]))
 
 
-def _across(
-    square: NDArray[np.float64], step: NDArray[np.float64], frame: NDArray[np.float64], axis: int
-) -> NDArray[np.float64]:
+def _across(square: F64, step: F64, frame: F64, axis: int) -> F64:
     """The longest step along `square`, mostly along the axis, for which there is room next to the other step."""
     square = square / square[axis]
     lengths = (frame - np.abs(step)) / np.maximum(np.abs(square), 1e-9)

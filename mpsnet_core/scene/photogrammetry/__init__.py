@@ -4,10 +4,10 @@
 camera by the photo's EXIF orientation, and :func:`undistorted` removes the lens distortion.
 """
 
-import os
 from pathlib import Path
 
 from mpsnet_core.errors import FormatError
+from mpsnet_core.io.opening import AnyPath
 from mpsnet_core.scene.photogrammetry.alicevision import read_alicevision
 from mpsnet_core.scene.photogrammetry.colmap import read_colmap
 from mpsnet_core.scene.photogrammetry.lens import Lens, photo_points, undistorted, undistorted_mask
@@ -36,7 +36,7 @@ _READERS = {
 }
 
 
-def read_cameras(path: str | os.PathLike[str]) -> list[PosedPhoto]:
+def read_cameras(path: AnyPath) -> list[PosedPhoto]:
     """The posed photos of a photogrammetry program, sorted by the photos' names.
 
     Parameters

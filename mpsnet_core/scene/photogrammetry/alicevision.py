@@ -6,15 +6,15 @@ definitions of focal length and principal point. Numbers are written as text.
 
 import json
 import math
-import os
 from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mpsnet_core.arrays.types import F64
 from mpsnet_core.errors import FormatError
 from mpsnet_core.io.files import existing_file, prefix_errors
+from mpsnet_core.io.opening import AnyPath
 from mpsnet_core.scene.photogrammetry.lens import Lens
 from mpsnet_core.scene.photogrammetry.posed_photo import FLIP_YZ, PosedPhoto, photogrammetry_camera, rotation
 
@@ -29,7 +29,7 @@ _OLD_TYPES = {"radial1": "radialk1", "radial3": "radialk3", "brown": "brown"}
 Version = tuple[int, int, int]
 
 
-def read_alicevision(path: str | os.PathLike[str]) -> list[PosedPhoto]:
+def read_alicevision(path: AnyPath) -> list[PosedPhoto]:
     """The posed photos of an AliceVision scene. Photos without a pose are left out.
 
     The world is that of the meshes that the same version writes. Since file version 1.2.3, their y and z axes point the
@@ -92,7 +92,7 @@ def _posed(name: str, intrinsic: dict[str, Any], pose: dict[str, Any], version: 
     return PosedPhoto(name, camera, _lens(intrinsic))
 
 
-def _focal(intrinsic: dict[str, Any], width: float, version: Version) -> NDArray[np.float64]:
+def _focal(intrinsic: dict[str, Any], width: float, version: Version) -> F64:
     """(2,) focal length in pixels. For one lens in all versions, see compatibilityData/scene_v*.json in AliceVision."""
     if version < (1, 2, 0):
         return np.repeat(_numbers(intrinsic, "pxFocalLength", 1), 2)
@@ -156,7 +156,7 @@ def _number(record: dict[str, Any], key: str, otherwise: float | None = None) ->
     return float(_finite([value], key)[0])
 
 
-def _numbers(record: dict[str, Any], key: str, count: int) -> NDArray[np.float64]:
+def _numbers(record: dict[str, Any], key: str, count: int) -> F64:
     value = record.get(key)
     values = value if isinstance(value, list) else [value]
     if len(values) != count:
@@ -164,7 +164,7 @@ def _numbers(record: dict[str, Any], key: str, count: int) -> NDArray[np.float64
     return _finite(values, key)
 
 
-def _finite(values: list[Any], key: str) -> NDArray[np.float64]:
+def _finite(values: list[Any], key: str) -> F64:
     try:
         if any(isinstance(value, bool) for value in values):
             raise ValueError

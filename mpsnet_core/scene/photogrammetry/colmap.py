@@ -13,11 +13,12 @@ from pathlib import Path
 from typing import Any, BinaryIO, TextIO
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mpsnet_core.arrays.rotations import quaternion_matrix
+from mpsnet_core.arrays.types import F64
 from mpsnet_core.errors import FileError, FormatError
 from mpsnet_core.io.files import existing_file, prefix_errors
+from mpsnet_core.io.opening import AnyPath
 from mpsnet_core.scene.photogrammetry.lens import Lens
 from mpsnet_core.scene.photogrammetry.posed_photo import PosedPhoto, photogrammetry_camera, rotation
 
@@ -80,7 +81,7 @@ class _Intrinsics:
     """The distortion."""
 
 
-def read_colmap(path: str | os.PathLike[str]) -> list[PosedPhoto]:
+def read_colmap(path: AnyPath) -> list[PosedPhoto]:
     """The posed photos of a COLMAP sparse model.
 
     path: its folder, a project's folder (for the model in sparse/0), or one of the files cameras.bin, images.bin,
@@ -159,7 +160,7 @@ def _known_model(model: str) -> str:
     return model
 
 
-def _posed(name: str, inside: _Intrinsics, pose: NDArray[np.float64]) -> PosedPhoto:
+def _posed(name: str, inside: _Intrinsics, pose: F64) -> PosedPhoto:
     """pose: quaternion w, x, y, z and translation, world to camera."""
     length = math.hypot(*pose[:4])
     if not np.isfinite(pose).all() or abs(length - 1) > 1e-2:

@@ -6,11 +6,12 @@ from itertools import chain
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from mpsnet_core.arrays.bilinear import bilinear
 from mpsnet_core.arrays.row_bands import bands
 from mpsnet_core.arrays.sizes import check_same_size
+from mpsnet_core.arrays.types import F32, F64, Bools, Floats
 from mpsnet_core.errors import GeometryError
 from mpsnet_core.io.from_files import takes_files
 from mpsnet_core.scene.camera import AS_SOLVED, Camera
@@ -66,7 +67,7 @@ class Lens:
         """Whether the lens has no distortion."""
         return not any((*self.radial, *self.divisor, *self.tangential)) and self.affinity == Lens.affinity
 
-    def distorted(self, points: ArrayLike) -> NDArray[np.float64]:
+    def distorted(self, points: ArrayLike) -> F64:
         """Distorted points (..., 2) of the image plane, in focal lengths from the axis, y down."""
         x, y = np.moveaxis(np.asarray(points, np.float64), -1, 0)
         square = x * x + y * y
@@ -88,7 +89,7 @@ class Lens:
         return float(distance[turned.argmax()]) if turned.any() else limit
 
 
-def photo_points(points: ArrayLike, camera: Camera, lens: Lens) -> NDArray[np.float64]:
+def photo_points(points: ArrayLike, camera: Camera, lens: Lens) -> F64:
     """Positions in the photo of image points of the pinhole camera.
 
     Parameters
@@ -108,7 +109,7 @@ def photo_points(points: ArrayLike, camera: Camera, lens: Lens) -> NDArray[np.fl
 
 
 @takes_files
-def undistorted(image: NDArray[np.floating[Any]], camera: Camera, lens: Lens) -> NDArray[np.float32]:
+def undistorted(image: Floats, camera: Camera, lens: Lens) -> F32:
     """Undistort a photo to the image of the pinhole camera, by bilinear interpolation.
 
     Parameters
@@ -143,7 +144,7 @@ def undistorted(image: NDArray[np.floating[Any]], camera: Camera, lens: Lens) ->
     return straight.reshape(image.shape)
 
 
-def undistorted_mask(mask: NDArray[np.bool_], camera: Camera, lens: Lens) -> NDArray[np.bool_]:
+def undistorted_mask(mask: Bools, camera: Camera, lens: Lens) -> Bools:
     """Undistort a photo's mask: True for the pixels that :func:`undistorted` interpolates from the mask alone.
 
     Parameters
@@ -173,9 +174,7 @@ def undistorted_mask(mask: NDArray[np.bool_], camera: Camera, lens: Lens) -> NDA
     return straight
 
 
-def _sources(
-    camera: Camera, lens: Lens
-) -> Iterator[tuple[slice, NDArray[np.bool_], NDArray[np.float64], NDArray[np.float64]]]:
+def _sources(camera: Camera, lens: Lens) -> Iterator[tuple[slice, Bools, F64, F64]]:
     """For some rows at a time: which pixels show the photo, and the columns and rows there that they show."""
     shape = (int(camera.height), int(camera.width))
     size = np.array(shape[::-1])
@@ -190,7 +189,7 @@ def _sources(
         yield rows, inside, *points[inside].T
 
 
-def _polynomial(coefficients: tuple[float, ...], square: NDArray[np.float64]) -> Any:
+def _polynomial(coefficients: tuple[float, ...], square: F64) -> Any:
     """1 + c0 s + c1 s² + ..."""
     value: Any = 0.0
     for coefficient in reversed(coefficients):

@@ -1,15 +1,16 @@
 """A photo's camera and lens from photogrammetry, in the project's conventions, and the photo's file."""
 
-import os
 from dataclasses import dataclass
 from pathlib import Path, PureWindowsPath
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from mpsnet_core.arrays.types import F64, I64
 from mpsnet_core.errors import GeometryError
 from mpsnet_core.io.files import PHOTO_SUFFIXES, is_file
 from mpsnet_core.io.image_reading import read_orientation
+from mpsnet_core.io.opening import AnyPath
 from mpsnet_core.io.photo_folder import PhotoFolder
 from mpsnet_core.scene.camera import Camera
 from mpsnet_core.scene.photogrammetry.lens import Lens
@@ -22,7 +23,7 @@ ROTATION_TOLERANCE = 1e-3
 
 # Rotation on the image plane (x right, y down) from the stored photo to the displayed one, for each EXIF orientation
 # without mirroring.
-_TURNS: dict[int, NDArray[np.int64]] = {
+_TURNS: dict[int, I64] = {
     1: np.array([[1, 0], [0, 1]]),
     3: np.array([[-1, 0], [0, -1]]),
     6: np.array([[0, -1], [1, 0]]),
@@ -42,7 +43,7 @@ class PosedPhoto:
     """The distortion from that camera's image to the photo."""
 
 
-def rotation(values: ArrayLike, what: str) -> NDArray[np.float64]:
+def rotation(values: ArrayLike, what: str) -> F64:
     """The rotation nearest to `values`, nine numbers in row-major order. what: its owner, for messages.
 
     Raises GeometryError if it is not near, or a value is not finite.
@@ -54,7 +55,7 @@ def rotation(values: ArrayLike, what: str) -> NDArray[np.float64]:
     left, _, right = np.linalg.svd(matrix)
     if np.linalg.det(left @ right) < 0:
         raise GeometryError(f"the rotation of {what} is a mirroring; export the cameras again, without mirrored axes")
-    nearest: NDArray[np.float64] = left @ right
+    nearest: F64 = left @ right
     return nearest
 
 
@@ -107,7 +108,7 @@ def find_photo(posed: PosedPhoto, photos: PhotoFolder) -> Path | None:
     return None
 
 
-def as_displayed(posed: PosedPhoto, file: str | os.PathLike[str]) -> PosedPhoto:
+def as_displayed(posed: PosedPhoto, file: AnyPath) -> PosedPhoto:
     """`posed` rotated as :func:`mpsnet_core.read_image` rotates the photo in `file` by its EXIF orientation.
 
     Photogrammetry programs use photos as they are stored, not as they are displayed.
