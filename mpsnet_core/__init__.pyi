@@ -3,10 +3,10 @@
 from mpsnet_core.arrays.unit_vectors import angular_error as angular_error
 from mpsnet_core.bake.bake import bake_normals as bake_normals
 from mpsnet_core.bake.bake import bake_texture_sets as bake_texture_sets
-from mpsnet_core.bake.base_detail_removal import BaseMap as BaseMap
-from mpsnet_core.bake.base_detail_removal import remove_base_detail as remove_base_detail
-from mpsnet_core.bake.detail_blending import blend_detail as blend_detail
-from mpsnet_core.bake.detail_blending import read_base_map as read_base_map
+from mpsnet_core.bake.base_maps import BaseMap as BaseMap
+from mpsnet_core.bake.base_maps import blend_detail as blend_detail
+from mpsnet_core.bake.base_maps import read_base_map as read_base_map
+from mpsnet_core.bake.base_maps import remove_base_detail as remove_base_detail
 from mpsnet_core.bake.low_frequency_correction import correct_low_frequencies as correct_low_frequencies
 from mpsnet_core.bake.operations import Bake as Bake
 from mpsnet_core.bake.operations import BakeViews as BakeViews
@@ -75,11 +75,10 @@ from mpsnet_core.scene.camera import Camera as Camera
 from mpsnet_core.scene.camera import camera_of_lens as camera_of_lens
 from mpsnet_core.scene.camera import read_camera as read_camera
 from mpsnet_core.scene.camera import write_camera as write_camera
-from mpsnet_core.scene.joined_mesh import join_meshes as join_meshes
+from mpsnet_core.scene.mesh import Labels as Labels
 from mpsnet_core.scene.mesh import Mesh as Mesh
+from mpsnet_core.scene.mesh import join_meshes as join_meshes
 from mpsnet_core.scene.mesh import read_mesh as read_mesh
-from mpsnet_core.scene.mesh_depth import depth_of_mesh as depth_of_mesh
-from mpsnet_core.scene.mesh_labels import Labels as Labels
 from mpsnet_core.scene.normal_errors import NormalErrors as NormalErrors
 from mpsnet_core.scene.normal_errors import normal_errors as normal_errors
 from mpsnet_core.scene.normal_map import NormalMap as NormalMap
@@ -91,8 +90,10 @@ from mpsnet_core.scene.photogrammetry import Lens as Lens
 from mpsnet_core.scene.photogrammetry import PosedPhoto as PosedPhoto
 from mpsnet_core.scene.photogrammetry import read_cameras as read_cameras
 from mpsnet_core.scene.photogrammetry import undistorted as undistorted
+from mpsnet_core.scene.rays import depth_of_mesh as depth_of_mesh
 from mpsnet_core.scene.rig import LightRig as LightRig
 from mpsnet_core.scene.rig import NearLights as NearLights
+from mpsnet_core.scene.rig import WorldLights as WorldLights
 from mpsnet_core.scene.rig import near_rig as near_rig
 from mpsnet_core.scene.rig import published_rig as published_rig
 from mpsnet_core.scene.rig import read_rig as read_rig
@@ -101,7 +102,6 @@ from mpsnet_core.scene.texture import Texture as Texture
 from mpsnet_core.scene.texture import write_texture as write_texture
 from mpsnet_core.scene.texture_sets import TextureSet as TextureSet
 from mpsnet_core.scene.view_photos import posed_photos as posed_photos
-from mpsnet_core.scene.world_lights import WorldLights as WorldLights
 from mpsnet_core.synthesis.operations import Example as Example
 from mpsnet_core.synthesis.operations import Synthesize as Synthesize
 from mpsnet_core.synthesis.sample import Sample as Sample

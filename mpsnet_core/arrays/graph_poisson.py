@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mpsnet_core.arrays.connected_components import connected
+from mpsnet_core.arrays.mask_regions import connected
 from mpsnet_core.arrays.types import F32, F64, I32, I64
 from mpsnet_core.progress import Progress, silent
 

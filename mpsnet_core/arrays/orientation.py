@@ -9,10 +9,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mpsnet_core.arrays.block_means import block_means
-from mpsnet_core.arrays.gaussian import gaussian
 from mpsnet_core.arrays.gradient_derivatives import gradient_derivatives
 from mpsnet_core.arrays.mask_regions import bounding_box, eroded
+from mpsnet_core.arrays.resampling import block_means, gaussian
 from mpsnet_core.arrays.row_bands import bands
 from mpsnet_core.arrays.types import F32, F64, Bools, Floats
 from mpsnet_core.arrays.unit_vectors import dot

@@ -8,28 +8,23 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from mpsnet_core.arrays.push_pull import push_pull
 from mpsnet_core.arrays.rasterize import Raster, TextureSize, texel_areas, width_and_height
+from mpsnet_core.arrays.resampling import push_pull
 from mpsnet_core.arrays.row_bands import bands, on_all_cores
 from mpsnet_core.arrays.types import F32, F64, I32, I64, Bools
 from mpsnet_core.arrays.unit_vectors import normalised
-from mpsnet_core.bake.fill import fill_unseen
-from mpsnet_core.bake.fill_colours import SeamEdges, fill_colours
-from mpsnet_core.bake.padding import Padding, padded
-from mpsnet_core.bake.projection import Projector, View
-from mpsnet_core.bake.settings import BakeSettings
+from mpsnet_core.bake.fill import SeamEdges, fill_colours, fill_unseen
+from mpsnet_core.bake.projection import Projector, Projectors, View, ViewAccumulator, masks_hide_all, seen_triangles
+from mpsnet_core.bake.settings import BakeSettings, Padding, padded
 from mpsnet_core.bake.texel_surface import Barycentric, TexelSampler
-from mpsnet_core.bake.view_accumulator import Projectors, ViewAccumulator, masks_hide_all, seen_triangles
 from mpsnet_core.defaults import MARGIN, TEXTURE_SIZE
 from mpsnet_core.errors import GeometryError
 from mpsnet_core.io.from_files import takes_files
 from mpsnet_core.progress import Progress, part, silent
-from mpsnet_core.scene.joined_mesh import join_meshes
-from mpsnet_core.scene.mesh import Mesh
+from mpsnet_core.scene.mesh import Mesh, join_meshes
 from mpsnet_core.scene.rays import RayScene
 from mpsnet_core.scene.texture import Space, Texture
-from mpsnet_core.scene.texture_sets import TextureSet, texture_sets
-from mpsnet_core.scene.uv_islands import Islands, islands_of
+from mpsnet_core.scene.texture_sets import Islands, TextureSet, islands_of, texture_sets
 
 log = logging.getLogger(__name__)
 

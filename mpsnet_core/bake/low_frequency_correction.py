@@ -12,21 +12,17 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from mpsnet_core.arrays.gaussian import gaussian
-from mpsnet_core.arrays.push_pull import push_pull
-from mpsnet_core.arrays.rotations import rotated, rotation_between
+from mpsnet_core.arrays.resampling import chosen_pixels, gaussian, push_pull, reduced_shape, upsampled
 from mpsnet_core.arrays.row_bands import bands, on_all_cores
 from mpsnet_core.arrays.types import F32, Bools
-from mpsnet_core.arrays.unit_vectors import normalised
-from mpsnet_core.arrays.upsample import chosen_pixels, reduced_shape, upsampled
+from mpsnet_core.arrays.unit_vectors import normalised, rotated, rotation_between
 from mpsnet_core.defaults import LEVEL_SCALE, MAX_LEVEL_SCALE, MIN_LEVEL_SCALE
 from mpsnet_core.errors import GeometryError, SettingsError
 from mpsnet_core.io.from_files import takes_files
 from mpsnet_core.scene.camera import Camera
 from mpsnet_core.scene.mesh import Mesh
-from mpsnet_core.scene.mesh_hits import mesh_hits
 from mpsnet_core.scene.normal_map import NormalMap
-from mpsnet_core.scene.rays import RayScene
+from mpsnet_core.scene.rays import RayScene, mesh_hits
 
 # Rays are cast for at most this many pixels on the image's longer side: the result is smooth.
 TRACED_PIXELS = 1024

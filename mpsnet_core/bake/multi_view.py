@@ -12,11 +12,9 @@ from pathlib import Path
 import numpy as np
 
 from mpsnet_core.arrays.sizes import check_same_size
-from mpsnet_core.bake.colour_matching import matched
 from mpsnet_core.bake.inputs import ViewReader
 from mpsnet_core.bake.projection import View
-from mpsnet_core.bake.view_agreement import Agreement
-from mpsnet_core.bake.view_fit import warn_of_misfit
+from mpsnet_core.bake.view_agreement import Agreement, matched, warn_of_misfit
 from mpsnet_core.capture.capture import Capture
 from mpsnet_core.capture.decode import AS_STATED, PhotoReadOptions
 from mpsnet_core.capture.masks import mask_identity
@@ -26,10 +24,9 @@ from mpsnet_core.errors import FileError
 from mpsnet_core.estimate.albedo import albedo_from_white, read_albedo
 from mpsnet_core.estimate.estimator import Estimator
 from mpsnet_core.io.files import prefix_errors
-from mpsnet_core.io.image_layers import layer_in
-from mpsnet_core.io.image_reading import read_size
+from mpsnet_core.io.frames import PhotoFolder
+from mpsnet_core.io.image_reading import layer_in, read_size
 from mpsnet_core.io.image_writing import write_image
-from mpsnet_core.io.photo_folder import PhotoFolder
 from mpsnet_core.io.provenance import fingerprint, is_up_to_date, provenance_line
 from mpsnet_core.progress import Progress, part
 from mpsnet_core.scene.camera import Camera, camera_data

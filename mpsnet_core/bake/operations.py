@@ -186,7 +186,7 @@ class BakesDetail(MakesTextures):
 
     def check_onto(self) -> None:
         """Raise SettingsError if the detail cannot go on top of the existing map, or its options lack the map."""
-        from mpsnet_core.bake.detail_blending import check_blending
+        from mpsnet_core.bake.base_maps import check_blending
 
         if self.onto:
             check_blending(self.space)
@@ -373,7 +373,7 @@ class Bake(BakesDetail):
         return views
 
     def _baking(self) -> "BakeSettings":
-        from mpsnet_core.bake.feather import FEATHER
+        from mpsnet_core.bake.projection import FEATHER
 
         # Levelled views agree in their low frequencies: feathering leaves no seam.
         return self.baking(FEATHER if self.level_scale() else 0.0)
@@ -382,9 +382,9 @@ class Bake(BakesDetail):
         self, views: list[tuple[str, str]], target: "TextureTarget", baking: "BakeSettings", progress: Progress
     ) -> TexturesBaked:
         from mpsnet_core.bake.bake import bake_texture_sets
-        from mpsnet_core.bake.colour_matching import matched_views
         from mpsnet_core.bake.inputs import BakeInputs, ViewInputs, ViewReader
         from mpsnet_core.bake.texture_files import format_textures, write_textures
+        from mpsnet_core.bake.view_agreement import matched_views
         from mpsnet_core.io.files import writable_image, write_transaction
 
         writable_image(target.output, target.bits)
@@ -575,15 +575,14 @@ class BakeViews(RunsModel, ReadsPhotos, BakesDetail):
     def run(self, progress: Progress = silent) -> ViewsBaked:
         """Write the textures, and report and figures if requested."""
         from mpsnet_core.bake.bake import bake_texture_sets
-        from mpsnet_core.bake.base_detail_removal import log_shares
-        from mpsnet_core.bake.colour_matching import colour_gains
-        from mpsnet_core.bake.feather import FEATHER
+        from mpsnet_core.bake.base_maps import log_shares
         from mpsnet_core.bake.inputs import ViewReader
         from mpsnet_core.bake.multi_view import CachedView, CachedViews, estimate_views, sources_of
-        from mpsnet_core.bake.view_agreement import agreement, warn_of_doubts
+        from mpsnet_core.bake.projection import FEATHER
+        from mpsnet_core.bake.view_agreement import agreement, colour_gains, warn_of_doubts
         from mpsnet_core.io.files import check_no_overwrite
         from mpsnet_core.io.provenance import operation_facts
-        from mpsnet_core.scene.joined_mesh import join_meshes
+        from mpsnet_core.scene.mesh import join_meshes
         from mpsnet_core.scene.rays import RayScene
         from mpsnet_core.scene.view_photos import posed_photos
 
@@ -654,8 +653,7 @@ class BakeViews(RunsModel, ReadsPhotos, BakesDetail):
 
     def _photography(self) -> "ViewCaptureSettings":
         from mpsnet_core.bake.multi_view import ViewCaptureSettings
-        from mpsnet_core.scene.rig import read_rig
-        from mpsnet_core.scene.world_lights import read_world_lights
+        from mpsnet_core.scene.rig import read_rig, read_world_lights
 
         if self.lights_in == "world":
             rig_of = read_world_lights(self.rig).seen_by

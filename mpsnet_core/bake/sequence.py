@@ -6,7 +6,7 @@ from functools import lru_cache
 from pathlib import Path
 
 from mpsnet_core.bake.bake import bake_texture_sets
-from mpsnet_core.bake.detail_blending import blend_detail
+from mpsnet_core.bake.base_maps import blend_detail
 from mpsnet_core.bake.inputs import BakeInputs, ViewReader
 from mpsnet_core.bake.settings import BakeSettings
 from mpsnet_core.bake.texture_files import TextureTarget

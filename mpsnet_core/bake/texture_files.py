@@ -7,17 +7,14 @@ from pathlib import Path
 import numpy as np
 
 from mpsnet_core.arrays.rasterize import extend_to_nearest
-from mpsnet_core.bake.base_detail_removal import BaseMapInPhotos
-from mpsnet_core.bake.base_maps import BaseMaps, base_map_files
-from mpsnet_core.bake.detail_blending import blend_detail
+from mpsnet_core.bake.base_maps import BaseMapInPhotos, BaseMaps, base_map_files, blend_detail
 from mpsnet_core.bake.presets import PRESETS, preset_output
 from mpsnet_core.bake.written_texture import WrittenTexture
 from mpsnet_core.errors import SettingsError
 from mpsnet_core.estimate.albedo import write_albedo
 from mpsnet_core.io.files import check_ending, check_no_overwrite, ensure_folder, file_suffix, writable_path
 from mpsnet_core.io.image_writing import write_mask
-from mpsnet_core.scene.mesh import Mesh
-from mpsnet_core.scene.mesh_labels import Labels
+from mpsnet_core.scene.mesh import Labels, Mesh
 from mpsnet_core.scene.normal_encoding import Convention
 from mpsnet_core.scene.texture import Texture, write_texture
 from mpsnet_core.scene.texture_names import albedo_file, split_by, texture_files, tile_patterns

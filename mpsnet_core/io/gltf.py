@@ -16,8 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mpsnet_core.arrays.polygon_triangulation import strip_triangles
-from mpsnet_core.arrays.rotations import quaternion_matrix
 from mpsnet_core.arrays.types import F64, I64
+from mpsnet_core.arrays.unit_vectors import quaternion_matrix
 from mpsnet_core.errors import FormatError, InputError
 from mpsnet_core.io.npz import unpacked_limit
 from mpsnet_core.io.opening import DAMAGED

@@ -9,7 +9,7 @@ from mpsnet_core.defaults import CURVATURE_RADIUS
 from mpsnet_core.errors import GeometryError, SettingsError
 from mpsnet_core.io.from_files import takes_files
 from mpsnet_core.progress import Progress, silent
-from mpsnet_core.relief.sizes import check_size
+from mpsnet_core.relief.height_map import check_size
 from mpsnet_core.scene.camera import Camera
 from mpsnet_core.scene.normal_map import NormalMap
 

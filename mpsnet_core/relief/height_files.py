@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from mpsnet_core.arrays.push_pull import push_pull
+from mpsnet_core.arrays.resampling import push_pull
 from mpsnet_core.arrays.types import Bools
 from mpsnet_core.errors import FileError, FormatError, SettingsError
 from mpsnet_core.io.files import (

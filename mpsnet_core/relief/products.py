@@ -19,12 +19,11 @@ from mpsnet_core.operation import Result
 from mpsnet_core.progress import Progress, part
 from mpsnet_core.relief.curvature import check_curvature, curvature, curvature_picture, curvature_range
 from mpsnet_core.relief.height_files import HeightFacts, height_files, write_height
-from mpsnet_core.relief.height_map import HeightMap
+from mpsnet_core.relief.height_map import HeightMap, check_size
 from mpsnet_core.relief.integration.integrate import grained_box, integrate
 from mpsnet_core.relief.occlusion import ambient_occlusion, check_reach
 from mpsnet_core.relief.operations import Integrate
 from mpsnet_core.relief.relight import relit
-from mpsnet_core.relief.sizes import check_size
 from mpsnet_core.relief.surface_mesh import (
     NoFaceError,
     Up,

@@ -8,7 +8,7 @@ from mpsnet_core.arrays.types import F32, Floats
 from mpsnet_core.errors import GeometryError
 from mpsnet_core.io.from_files import takes_files
 from mpsnet_core.io.image import linear_to_srgb
-from mpsnet_core.relief.sizes import check_size
+from mpsnet_core.relief.height_map import check_size
 from mpsnet_core.scene.normal_map import NormalMap
 
 # The fraction of ambient light, which ambient occlusion reduces.

@@ -16,9 +16,8 @@ from mpsnet_core.io.image import linear_to_srgb
 from mpsnet_core.scene.camera import Camera
 from mpsnet_core.scene.mesh import Mesh
 from mpsnet_core.scene.normal_encoding import encode
-from mpsnet_core.scene.rays import Hits, RayScene, lift_to_curve
+from mpsnet_core.scene.rays import OFFSET, Hits, RayScene, lift_to_curve
 from mpsnet_core.scene.rig import LightRig
-from mpsnet_core.scene.visibility import OFFSET
 
 # Colours of pixels that no light, one and two lights reach. Where three do, the normal's colour is shown.
 TOO_FEW = np.array([(0, 0, 0), (0.75, 0.05, 0.05), (1, 0.6, 0)], np.float32)

@@ -1,11 +1,12 @@
-"""Meshes of triangles with UVs, shading normals and tangents at every corner; mesh files."""
+"""Labels: the material or the object of each of a mesh's triangles."""
 
+import itertools
 import logging
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,15 +16,66 @@ from mpsnet_core.arrays.types import F32, F64, I32, I64
 from mpsnet_core.arrays.unit_vectors import SHORTEST, dot, normalised
 from mpsnet_core.errors import FormatError, GeometryError
 from mpsnet_core.io.files import existing_file, prefix_errors
+from mpsnet_core.io.from_files import takes_files
 from mpsnet_core.io.gltf import Part, read_gltf
-from mpsnet_core.io.mesh_import import SUFFIXES, read_shape
 from mpsnet_core.io.npz import read_arrays
-from mpsnet_core.io.obj import MAX_CORNERS, read_obj
 from mpsnet_core.io.opening import AnyPath
-from mpsnet_core.io.ply import read_ply
-from mpsnet_core.io.polygons import Polygons, checked_indices
-from mpsnet_core.scene.mesh_labels import Labels, labels_of_runs
+from mpsnet_core.io.polygons import MAX_CORNERS, SUFFIXES, Polygons, checked_indices, read_obj, read_ply, read_shape
 from mpsnet_core.scene.mikktspace import mikktspace_tangents
+
+
+@dataclass(frozen=True, eq=False)
+class Labels:
+    """A name for each of T triangles.
+
+    Raises
+    ------
+    GeometryError
+        If a name occurs twice or an index is out of range.
+
+    Examples
+    --------
+    >>> labels = Labels(("glaze", "clay"), np.array([0, 0, 1]))
+    >>> [labels.names[number] for number in labels.number]
+    ['glaze', 'glaze', 'clay']
+    """
+
+    names: tuple[str, ...]
+    """Distinct names."""
+    number: I32
+    """(T,) int32. Each triangle's index into `names`."""
+
+    def __post_init__(self) -> None:
+        number = np.asarray(self.number)
+        if number.ndim != 1 or number.dtype.kind not in "iu":
+            raise GeometryError("labels need one whole number for each triangle; export the mesh again")
+        if len(number) and not (number.min() >= 0 and number.max() < len(self.names)):
+            raise GeometryError(
+                f"labels are numbered up to {number.max()}, but have {len(self.names)} names; export again"
+            )
+        if len(set(self.names)) < len(self.names):
+            raise GeometryError("two labels have the same name; export the mesh again")
+        object.__setattr__(self, "names", tuple(map(str, self.names)))
+        object.__setattr__(self, "number", number.astype(np.int32))
+
+    def __len__(self) -> int:
+        return len(self.number)
+
+
+def labels_of_runs(runs: Iterable[tuple[str, int]]) -> Labels:
+    """Labels from run lengths: names with a number of triangles each. Names may repeat."""
+    names: dict[str, int] = {}
+    numbers, counts = [], []
+    for name, count in runs:
+        if count:
+            numbers.append(names.setdefault(name, len(names)))
+            counts.append(count)
+    return Labels(tuple(names), np.repeat(np.array(numbers, np.int32), counts))
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Meshes of triangles with UVs, shading normals and tangents at every corner; mesh files.
+
 
 log = logging.getLogger(__name__)
 
@@ -494,3 +546,45 @@ _READERS: dict[str, Callable[[Path, bool], Mesh]] = {
     ".gltf": _read_glb,
     **dict.fromkeys(SUFFIXES, _mesh_of(read_shape)),
 }
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Several meshes joined for occlusion and world positions, where only their shape matters.
+
+
+T = TypeVar("T", bound=np.generic)
+
+
+@takes_files
+def join_meshes(meshes: Sequence[Mesh]) -> Mesh:
+    """Join meshes into one in world space, with their triangles in order.
+
+    Parameters
+    ----------
+    meshes : sequence of Mesh
+        A single mesh is returned unchanged. Of several, labels and given tangents are dropped.
+
+    Raises
+    ------
+    GeometryError
+        If the joined arrays are not a valid :class:`Mesh`.
+    """
+    if len(meshes) == 1:
+        return meshes[0]
+    starts = itertools.accumulate((len(mesh.vertices) for mesh in meshes[:-1]), initial=0)
+    triangles = [_outwards(mesh, mesh.triangles) + start for mesh, start in zip(meshes, starts, strict=True)]
+    return Mesh(
+        np.concatenate([mesh.world_vertices for mesh in meshes]),
+        np.concatenate(triangles),
+        np.concatenate([_outwards(mesh, _world_normals(mesh)) for mesh in meshes]),
+        np.concatenate([_outwards(mesh, mesh.uvs) for mesh in meshes]),
+    )
+
+
+def _outwards(mesh: Mesh, at_corners: NDArray[T]) -> NDArray[T]:
+    """Corner values (T, 3, ...) in counter-clockwise order in world space: reversed for a mirrored object."""
+    return at_corners[:, ::-1] if mesh.is_mirrored else at_corners
+
+
+def _world_normals(mesh: Mesh) -> F32:
+    return normalised(mesh.corner_normals @ mesh.normals_to_world.astype(np.float32))

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from mpsnet_core.arrays.connected_components import connected
+from mpsnet_core.arrays.mask_regions import connected
 from mpsnet_core.arrays.types import F32, F64, I64, Bools
 from mpsnet_core.arrays.unit_vectors import dot, normalised
 

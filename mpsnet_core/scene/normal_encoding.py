@@ -12,8 +12,8 @@ from typing import Literal
 
 import numpy as np
 
+from mpsnet_core.arrays.resampling import grid_step
 from mpsnet_core.arrays.row_bands import FEW_ROWS, bands, on_all_cores
-from mpsnet_core.arrays.sampling import grid_step
 from mpsnet_core.arrays.types import F32, F64, Bools, Floats
 from mpsnet_core.errors import Choices
 from mpsnet_core.io.files import stored_levels

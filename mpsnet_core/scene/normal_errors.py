@@ -10,8 +10,7 @@ from mpsnet_core.arrays.types import F32, Bools
 from mpsnet_core.arrays.unit_vectors import angular_error
 from mpsnet_core.errors import FormatError, GeometryError, SettingsError
 from mpsnet_core.io.from_files import takes_files
-from mpsnet_core.io.image_layers import image_layers
-from mpsnet_core.io.image_reading import read_data
+from mpsnet_core.io.image_reading import image_layers, read_data
 from mpsnet_core.io.opening import AnyPath
 from mpsnet_core.io.shown import Shown
 from mpsnet_core.scene.camera import read_camera

@@ -5,8 +5,8 @@ from typing import ClassVar
 
 import numpy as np
 
+from mpsnet_core.arrays.resampling import grid_step
 from mpsnet_core.arrays.row_bands import FEW_ROWS, bands, on_all_cores
-from mpsnet_core.arrays.sampling import grid_step
 from mpsnet_core.arrays.types import F32, Bools
 from mpsnet_core.arrays.unit_vectors import normalised
 from mpsnet_core.errors import FormatError, GeometryError

@@ -245,7 +245,7 @@ class PreviewLights(TakesMesh):
         """Ray trace the mesh, and write the image."""
         import numpy as np
 
-        from mpsnet_core.arrays.upsample import reduced_shape
+        from mpsnet_core.arrays.resampling import reduced_shape
         from mpsnet_core.io.files import atomic_write, check_no_overwrite, prefix_errors, writable_image, writable_path
         from mpsnet_core.io.image_writing import write_picture
         from mpsnet_core.scene.camera import read_camera

@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING
 
 from mpsnet_core.errors import FileError, SettingsError
 from mpsnet_core.io.files import prefix_errors
+from mpsnet_core.io.frames import PhotoFolder
 from mpsnet_core.io.image_reading import read_size
 from mpsnet_core.io.opening import AnyPath
-from mpsnet_core.io.photo_folder import PhotoFolder
 from mpsnet_core.scene.camera import AS_SOLVED, Camera, camera_for, read_camera
 from mpsnet_core.scene.view_files import read_views
 

@@ -14,8 +14,7 @@ from mpsnet_core.bake import bake
 from mpsnet_core.bake.bake import View, bake_normals
 from mpsnet_core.errors import Cancelled, InputError
 from mpsnet_core.scene.camera import Camera
-from mpsnet_core.scene.joined_mesh import join_meshes
-from mpsnet_core.scene.mesh import Mesh
+from mpsnet_core.scene.mesh import Mesh, join_meshes
 from mpsnet_core.scene.normal_map import NormalMap
 from mpsnet_core.scene.texture import Texture
 

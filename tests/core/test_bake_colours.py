@@ -15,7 +15,7 @@ from surface_shapes import camera_looking, sphere_mesh, sphere_view, texels_of
 
 from mpsnet_core import read_camera, read_normals
 from mpsnet_core.bake.bake import View, bake_normals
-from mpsnet_core.bake.colour_matching import matched_views
+from mpsnet_core.bake.view_agreement import matched_views
 from mpsnet_core.estimate.albedo import write_albedo
 from mpsnet_core.io.image import linear_to_srgb
 from mpsnet_core.scene.camera import Camera, write_camera

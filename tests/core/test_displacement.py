@@ -17,8 +17,7 @@ from mpsnet_core.relief.displacement.displacement import Displacement, displacem
 from mpsnet_core.relief.displacement.height_constraints import object_normals
 from mpsnet_core.relief.displacement.uv_layout import layout_of
 from mpsnet_core.relief.height_files import read_height, write_height
-from mpsnet_core.scene.joined_mesh import join_meshes
-from mpsnet_core.scene.mesh import Mesh
+from mpsnet_core.scene.mesh import Mesh, join_meshes
 from mpsnet_core.scene.normal_encoding import encode
 
 SIZE = 128

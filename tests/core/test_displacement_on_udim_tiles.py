@@ -15,7 +15,7 @@ from mpsnet_core.cli import main
 from mpsnet_core.errors import InputError
 from mpsnet_core.io.image_reading import read_channel
 from mpsnet_core.io.image_writing import write_image
-from mpsnet_core.relief.displacement.udim import Tiles
+from mpsnet_core.relief.displacement.uv_layout import Tiles
 from mpsnet_core.relief.height_files import read_height
 from mpsnet_core.scene.mesh import Mesh
 from mpsnet_core.scene.normal_encoding import encode

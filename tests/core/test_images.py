@@ -16,8 +16,7 @@ from synthetic import listing, named, write_file, write_parts
 
 from mpsnet_core.errors import InputError, SettingsError
 from mpsnet_core.io.image import linear_to_srgb
-from mpsnet_core.io.image_layers import image_layers
-from mpsnet_core.io.image_reading import read_data, read_image, read_mask, read_size
+from mpsnet_core.io.image_reading import image_layers, read_data, read_image, read_mask, read_size
 from mpsnet_core.io.image_writing import write_image
 
 # IEC 61966-2-1 by hand: stored value, linear value.
@@ -402,7 +401,7 @@ def test_pixels_that_are_not_square_are_warned_of(
 
 def test_a_layer_of_too_many_channels_is_not_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """All channels between the first and the last of a layer's colours are read at once."""
-    monkeypatch.setattr("mpsnet_core.io.image_layers.MAX_LAYER_VALUES", 1000)
+    monkeypatch.setattr("mpsnet_core.io.image_reading.MAX_LAYER_VALUES", 1000)
     photo = write_file(tmp_path / "c.exr", np.zeros((16, 16, 4)), "half")
     with pytest.raises(InputError, match="has 4 channels in a layer of 16 x 16"):
         read_image(photo)
@@ -469,7 +468,7 @@ def huge_exr(b: Bench) -> Path:
 def within(limit: str, value: int, work: Callable[[], Any]) -> None:
     """Do the work under a smaller limit, as reaching the real one would take gigabytes."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(f"mpsnet_core.io.image_layers.{limit}", value)
+        patch.setattr(f"mpsnet_core.io.image_reading.{limit}", value)
         work()
 
 

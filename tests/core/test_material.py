@@ -24,9 +24,13 @@ from mpsnet_core.arrays.unit_vectors import normalised
 from mpsnet_core.cli import main
 from mpsnet_core.errors import InputError
 from mpsnet_core.io.image_reading import read_channel
-from mpsnet_core.relief.material.albedo import estimated_albedo
-from mpsnet_core.relief.material.flatten import flatten_albedo, flatten_normals
-from mpsnet_core.relief.material.gradients import normals_of, periodic_height
+from mpsnet_core.relief.material.flatten import (
+    estimated_albedo,
+    flatten_albedo,
+    flatten_normals,
+    normals_of,
+    periodic_height,
+)
 from mpsnet_core.relief.material.material import crop_to_filled_part, flat_material
 from mpsnet_core.relief.material.material_files import normals_by_photo
 from mpsnet_core.relief.operations import MakeMaterial

@@ -11,10 +11,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mpsnet_core.arrays.connected_components import connected
 from mpsnet_core.arrays.graph_poisson import Graph, Solver, graph_of
-from mpsnet_core.arrays.push_pull import push_pull
+from mpsnet_core.arrays.mask_regions import connected
 from mpsnet_core.arrays.rasterize import extend_to_nearest, texel_areas
+from mpsnet_core.arrays.resampling import push_pull
 from mpsnet_core.arrays.types import F32, F64, I32, Bools, Floats
 from mpsnet_core.arrays.unit_vectors import dot
 from mpsnet_core.defaults import MAX_BUMPS
@@ -23,8 +23,7 @@ from mpsnet_core.io.from_files import takes_files
 from mpsnet_core.progress import Progress, part, silent
 from mpsnet_core.relief.displacement.height_constraints import HeightDifferences, seen_share, slope_constraints
 from mpsnet_core.relief.displacement.uv_layout import Layout, Seams, layout_of
-from mpsnet_core.relief.height_map import HeightMap
-from mpsnet_core.relief.sizes import MAX_SIZE, check_square
+from mpsnet_core.relief.height_map import MAX_SIZE, HeightMap, check_square
 from mpsnet_core.scene.camera import Camera
 from mpsnet_core.scene.mesh import Mesh
 from mpsnet_core.scene.texture import Space, check_texture

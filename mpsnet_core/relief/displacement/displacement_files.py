@@ -16,7 +16,7 @@ from mpsnet_core.operation import Result
 from mpsnet_core.progress import Progress, part
 from mpsnet_core.relief.displacement.displacement import Displacement, displacement
 from mpsnet_core.relief.displacement.height_constraints import object_normals
-from mpsnet_core.relief.displacement.udim import tiles_of
+from mpsnet_core.relief.displacement.uv_layout import tiles_of
 from mpsnet_core.relief.height_files import HeightFacts, HeightScale, height_files, write_height
 from mpsnet_core.relief.operations import Integrate
 from mpsnet_core.scene.mesh import Mesh, read_mesh

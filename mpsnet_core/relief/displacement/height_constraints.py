@@ -16,7 +16,7 @@ from mpsnet_core.relief.displacement.uv_layout import Layout, layout_of
 from mpsnet_core.scene.mesh import Mesh, shared_normals
 from mpsnet_core.scene.normal_map import OUTWARDS_SHARE
 from mpsnet_core.scene.texture import Space
-from mpsnet_core.scene.uv_islands import welded
+from mpsnet_core.scene.texture_sets import welded
 
 # Gradients steeper than this (cosine of the angle between the surface and the mesh; 80°) are limited to it: a normal
 # perpendicular to the mesh's would require an infinite height. The limit is lower than that of integration over a

@@ -20,13 +20,24 @@ from mpsnet_core.errors import GeometryError, SettingsError
 from mpsnet_core.io.from_files import takes_files
 from mpsnet_core.progress import Progress, silent
 from mpsnet_core.relief.curvature import curvature
-from mpsnet_core.relief.material.albedo import estimated_albedo
-from mpsnet_core.relief.material.flatten import flatten_albedo, flatten_normals
-from mpsnet_core.relief.material.gradients import normals_of, periodic_height, remove_low_frequencies
-from mpsnet_core.relief.material.resampling import sampled
-from mpsnet_core.relief.material.seam import MIN_JOINED, Seam, make_seamless, measure_seam
-from mpsnet_core.relief.material.tiling import Tiling, find_tiling
-from mpsnet_core.relief.sizes import check_size
+from mpsnet_core.relief.height_map import check_size
+from mpsnet_core.relief.material.flatten import (
+    estimated_albedo,
+    flatten_albedo,
+    flatten_normals,
+    normals_of,
+    periodic_height,
+    remove_low_frequencies,
+)
+from mpsnet_core.relief.material.tiling import (
+    MIN_JOINED,
+    Seam,
+    Tiling,
+    find_tiling,
+    make_seamless,
+    measure_seam,
+    sampled,
+)
 from mpsnet_core.scene.camera import Camera
 from mpsnet_core.scene.normal_map import NormalMap
 

@@ -10,9 +10,17 @@ from mpsnet_core.errors import FormatError
 from mpsnet_core.io.opening import AnyPath
 from mpsnet_core.scene.photogrammetry.alicevision import read_alicevision
 from mpsnet_core.scene.photogrammetry.colmap import read_colmap
-from mpsnet_core.scene.photogrammetry.lens import Lens, photo_points, undistorted, undistorted_mask
 from mpsnet_core.scene.photogrammetry.metashape import read_metashape
-from mpsnet_core.scene.photogrammetry.posed_photo import PosedPhoto, as_displayed, find_photo, turned
+from mpsnet_core.scene.photogrammetry.posed_photo import (
+    Lens,
+    PosedPhoto,
+    as_displayed,
+    find_photo,
+    photo_points,
+    turned,
+    undistorted,
+    undistorted_mask,
+)
 
 __all__ = [
     "Lens",

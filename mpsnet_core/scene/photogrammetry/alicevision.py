@@ -15,8 +15,7 @@ from mpsnet_core.arrays.types import F64
 from mpsnet_core.errors import FormatError
 from mpsnet_core.io.files import existing_file, prefix_errors
 from mpsnet_core.io.opening import AnyPath
-from mpsnet_core.scene.photogrammetry.lens import Lens
-from mpsnet_core.scene.photogrammetry.posed_photo import FLIP_YZ, PosedPhoto, photogrammetry_camera, rotation
+from mpsnet_core.scene.photogrammetry.posed_photo import FLIP_YZ, Lens, PosedPhoto, photogrammetry_camera, rotation
 
 # A scene with its points is far larger than its cameras, and takes about ten times this in memory while it is read.
 MAX_FILE_BYTES = 1 << 28

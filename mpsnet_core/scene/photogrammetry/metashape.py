@@ -19,8 +19,7 @@ from mpsnet_core.arrays.types import F64
 from mpsnet_core.errors import FormatError
 from mpsnet_core.io.files import existing_file, prefix_errors
 from mpsnet_core.io.opening import AnyPath
-from mpsnet_core.scene.photogrammetry.lens import Lens
-from mpsnet_core.scene.photogrammetry.posed_photo import PosedPhoto, photogrammetry_camera, rotation
+from mpsnet_core.scene.photogrammetry.posed_photo import Lens, PosedPhoto, photogrammetry_camera, rotation
 
 log = logging.getLogger(__name__)
 
