@@ -193,8 +193,7 @@ def _parents(graph: Graph) -> I64:
 
 def _numbered(labels: I64) -> I64:
     """(N,) the labels' ranks, from 0 without gaps."""
-    ranks: I64 = np.unique(labels, return_inverse=True)[1].reshape(-1)
-    return ranks
+    return np.unique(labels, return_inverse=True)[1].reshape(-1)
 
 
 def _coarser(graph: Graph, parent: I64) -> Graph:

@@ -67,10 +67,8 @@ def bounding_box(mask: Bools, margin: int = 0) -> tuple[slice, slice]:
     They are slices, whose stop may be beyond the image.
     """
     rows, columns = (np.flatnonzero(mask.any(axis=axis)).tolist() for axis in (1, 0))
-    return (
-        slice(max(rows[0] - margin, 0), rows[-1] + margin + 1),
-        slice(max(columns[0] - margin, 0), columns[-1] + margin + 1),
-    )
+    first, last = max(rows[0] - margin, 0), max(columns[0] - margin, 0)
+    return slice(first, rows[-1] + margin + 1), slice(last, columns[-1] + margin + 1)
 
 
 def remove_small_regions(mask: Bools, min_size: float) -> Bools:

@@ -67,8 +67,7 @@ def _cut_ears(places: F64, normal: F64) -> I64:
 
     def doubled_area(a: F64, b: F64, c: F64) -> F64:
         (x, y), (to_x, to_y) = np.moveaxis(b - a, -1, 0), np.moveaxis(c - a, -1, 0)
-        area: F64 = x * to_y - y * to_x
-        return area
+        return x * to_y - y * to_x
 
     def is_free(triangles: F64, others: F64) -> Bools:
         """(E,) whether no other corner (O, 2) is in a triangle (E, 3, 2)."""
@@ -77,8 +76,7 @@ def _cut_ears(places: F64, normal: F64) -> I64:
         for a, b in ((behind, ear), (ear, ahead), (ahead, behind)):
             within &= doubled_area(a, b, others) >= 0
             within &= (others != a).any(axis=-1)  # a point may occur twice, where a bridge edge leads to a hole
-        free: Bools = ~within.any(axis=1)
-        return free
+        return ~within.any(axis=1)
 
     left, triangles = np.arange(len(flat)), []
     is_ear, changed = np.zeros(len(flat), bool), left  # a cut changes its two neighbours alone

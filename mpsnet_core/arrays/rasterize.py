@@ -114,8 +114,7 @@ def _last_few(counts: I64) -> int:
 def _counted(start: I64, count: I64) -> I64:
     """start[0], start[0] + 1, ... (count[0] of them), start[1], ..."""
     before = np.cumsum(count) - count
-    counted: I64 = np.arange(int(count.sum())) + np.repeat(start - before, count)
-    return counted
+    return np.arange(int(count.sum())) + np.repeat(start - before, count)
 
 
 def extend_to_nearest(values: F32, filled: Bools, distance: int, *, in_place: bool = False) -> F32:

@@ -136,8 +136,7 @@ def _along(values: F32, axis: int, length: int, chosen: slice) -> F32:
     first = np.minimum(position.astype(np.int64), max(count - 2, 0))
     weight = (position - first).astype(np.float32).reshape([-1 if a == axis else 1 for a in range(values.ndim)])
     low, high = values.take(first, axis), values.take(np.minimum(first + 1, count - 1), axis)
-    interpolated: F32 = low + weight * (high - low)
-    return interpolated
+    return low + weight * (high - low)
 
 
 # ----------------------------------------------------------------------------------------------------------------------

@@ -13,9 +13,7 @@ def size(shape: Sequence[int]) -> str:
     return f"{shape[1]} x {shape[0]}"
 
 
-def check_same_size(
-    name: str, shape: Sequence[int], other: str, expected: Sequence[int], remedy: str = SAME_SIZE
-) -> None:
+def check_same_size(name: str, shape: Sequence[int], other: str, expected: Sequence[int], fix: str = SAME_SIZE) -> None:
     """Raise GeometryError if two arrays differ in shape. The message calls them `name` and `other`.
 
     >>> check_same_size("the mask", (2, 3, 3), "the photo", (2, 3))
@@ -26,4 +24,4 @@ def check_same_size(
     if shape != expected:
         by_shape = len(shape) < 2 or shape[:2] == expected[:2]
         found, wanted = map(str if by_shape else size, (shape, expected))
-        raise GeometryError(f"{name} is {found} but {other} is {wanted}; {remedy}")
+        raise GeometryError(f"{name} is {found} but {other} is {wanted}; {fix}")

@@ -20,8 +20,7 @@ def deviation(errors: Floats, minimum: float = 1e-12) -> float:
 
 def biweight(errors: F64, scale: float) -> F64:
     """Weights from 0 to 1 by Tukey's biweight (Beaton and Tukey 1974), for errors of standard deviation `scale`."""
-    weights: F64 = np.maximum(1 - np.square(errors / (TUKEY * scale)), 0.0) ** 2.0
-    return weights
+    return np.maximum(1 - np.square(errors / (TUKEY * scale)), 0.0) ** 2.0
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -41,5 +40,4 @@ def rank_correlation(one: NDArray[np.number[Any]], other: NDArray[np.number[Any]
 def _ranks(values: NDArray[np.number[Any]]) -> F64:
     """Ranks from 1; ties share the mean of theirs."""
     _, inverse, count = np.unique(values, return_inverse=True, return_counts=True)
-    ranks: F64 = (np.cumsum(count) - (count - 1) / 2)[inverse.reshape(-1)]
-    return ranks
+    return (np.cumsum(count) - (count - 1) / 2)[inverse.reshape(-1)]

@@ -15,8 +15,7 @@ SHORTEST_DOUBLE = 1e-150
 
 def dot(one: NDArray[Any], other: NDArray[Any]) -> NDArray[Any]:
     """Dot products (...) of vectors (..., K), whose shapes broadcast. Those of float32 are computed in float32."""
-    products: NDArray[Any] = np.einsum("...i,...i->...", one, other)
-    return products
+    return np.einsum("...i,...i->...", one, other)
 
 
 def normalised(vectors: NDArray[Any]) -> NDArray[Any]:
@@ -36,8 +35,7 @@ def transformed(matrix: F32, vectors: F32) -> F32:
 
     With BLAS it would: few columns, and the last ones, take other code paths with other rounding.
     """
-    product: F32 = np.einsum("mi,in->mn", matrix, vectors)
-    return product
+    return np.einsum("mi,in->mn", matrix, vectors)
 
 
 def angular_error(estimate: ArrayLike, truth: ArrayLike) -> F64:
@@ -87,8 +85,7 @@ def rotation_matrices(vectors: F64) -> F64:
     safe = np.where(angle > 1e-12, angle, 1.0)
     first = np.where(angle > 1e-12, np.sin(angle) / safe, 1.0)
     second = np.where(angle > 1e-12, (1 - np.cos(angle)) / safe**2, 0.5)
-    found: F64 = np.eye(3) + first * matrix + second * (matrix @ matrix)
-    return found
+    return np.eye(3) + first * matrix + second * (matrix @ matrix)
 
 
 def quaternion_matrix(w: Any, x: Any, y: Any, z: Any) -> list[list[Any]]:
@@ -105,8 +102,7 @@ def rotated(vectors: F32, turns: F32) -> F32:
     angle = np.sqrt(dot(turns, turns))[..., None]
     sine, versine = np.sinc(angle / np.pi), 0.5 * np.sinc(angle / (2 * np.pi)) ** 2
     across = np.cross(turns, vectors)
-    result: F32 = (vectors + sine * across + versine * np.cross(turns, across)).astype(np.float32)
-    return result
+    return (vectors + sine * across + versine * np.cross(turns, across)).astype(np.float32)
 
 
 def rotation_between(start: F32, end: F32) -> F32:
@@ -114,5 +110,4 @@ def rotation_between(start: F32, end: F32) -> F32:
     axis = np.cross(start, end)
     sine = np.linalg.norm(axis, axis=1)
     angle = np.arctan2(sine, dot(start, end))
-    result: F32 = (axis * (angle / np.maximum(sine, 1e-9))[:, None]).astype(np.float32)
-    return result
+    return (axis * (angle / np.maximum(sine, 1e-9))[:, None]).astype(np.float32)

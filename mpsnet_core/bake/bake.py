@@ -285,8 +285,7 @@ class _Bake:
         for triangles, islands in zip(texture_set.parts, self.islands, strict=True):
             numbers.append(first + (islands.of_triangle if triangles is None else islands.of_triangle[triangles]))
             first += islands.count
-        together: I32 = np.concatenate(numbers)
-        return together
+        return np.concatenate(numbers)
 
     def _sample(self, points: Texture, under: "_RasterisedSurfaces", rows: slice, progress: Progress) -> None:
         """Write the views' samples at these rows of the texture into `points`, (R, C), which holds those rows alone."""

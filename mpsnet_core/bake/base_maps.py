@@ -72,9 +72,7 @@ def read_base_map(path: AnyPath, *, convention: Convention = "opengl") -> F32:
         raise FormatError(f"{path} is not a normal map: its colours are not unit vectors 0.5 + 0.5 n; choose another")
     normals = unit & (vectors[..., 2] >= 0)
     if normals.sum() < OUTWARDS_SHARE * unit.sum():
-        raise FormatError(
-            f"{path} is not in tangent space: many of its normals point inwards; bake it in tangent space"
-        )
+        raise FormatError(f"{path} is not in tangent space: many normals point inwards; bake it in tangent space")
     for rows in bands(len(vectors)):
         vectors[rows] = np.where(normals[rows, :, None], normalised(vectors[rows]), [0, 0, 1])
     return extend_to_nearest(vectors, normals, MARGIN)
@@ -130,8 +128,7 @@ def reoriented(detail: F32, base: F32) -> F32:
     t = base + np.array([0, 0, 1], np.float32)
     u = detail * np.array([-1, -1, 1], np.float32)
     along = dot(t, u) / np.maximum(t[..., 2], 1e-6)
-    result: F32 = normalised(t * along[..., None] - u)
-    return result
+    return normalised(t * along[..., None] - u)
 
 
 def resampled(vectors: F32, height: int, width: int) -> F32:
@@ -243,9 +240,8 @@ def remove_base_detail(
         return normals, 0.0
     if share is None:
         given = normals if base_map.triangles is None else replace(normals, mask=seen)
-        view, relief = (
-            correct_low_frequencies(one, camera, mesh, scene).vectors for one in (given, NormalMap(with_map, seen))
-        )
+        mapped = NormalMap(with_map, seen)
+        view, relief = (correct_low_frequencies(one, camera, mesh, scene).vectors for one in (given, mapped))
         share = _share(view[seen] - without_map[seen], relief[seen] - without_map[seen])
         if share == 0:
             return normals, 0.0
@@ -392,9 +388,7 @@ def one_base_map(file: str, convention: Convention, shown: BaseMapInPhotos) -> B
     """
     check_one_texture(file)
     if Path(file).suffix.lower() == ".json":
-        raise SettingsError(
-            f"{file} lists existing maps for several textures; name the one image that the detail goes on top of"
-        )
+        raise SettingsError(f"{file} lists existing maps for several textures; name one image for the detail")
     return BaseMap(read_base_map(file, convention=convention), shown)
 
 

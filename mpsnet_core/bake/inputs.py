@@ -119,12 +119,8 @@ class ViewReader:
         if not self.correction_scale:
             return estimated, estimated, 0.0, shares
         correction = find_low_frequency_correction(normals, view.camera, mesh, scene, scale=self.correction_scale)
-        return (
-            estimated,
-            replace(view, normals=apply_low_frequency_correction(normals, correction)),
-            correction.mean_angle,
-            shares,
-        )
+        levelled = replace(view, normals=apply_low_frequency_correction(normals, correction))
+        return estimated, levelled, correction.mean_angle, shares
 
 
 def frame_inputs(mesh: str, views: Sequence[tuple[str, str]]) -> dict[int, BakeInputs]:

@@ -58,9 +58,7 @@ def parse_scale(text: str) -> float:
     except ValueError:
         scale = 0.0
     if not MIN_LEVEL_SCALE <= scale <= MAX_LEVEL_SCALE:
-        raise SettingsError(
-            f"--level {text} is not known; give on, off, or a scale from {MIN_LEVEL_SCALE:g} to {MAX_LEVEL_SCALE:g}"
-        )
+        raise SettingsError(f"--level {text}: give on, off, or a scale from {MIN_LEVEL_SCALE:g} to {MAX_LEVEL_SCALE:g}")
     return scale
 
 
@@ -112,9 +110,7 @@ def find_low_frequency_correction(
 ) -> LowFrequencyCorrection:
     """The rotations that :func:`correct_low_frequencies` applies. The parameters are the same."""
     if not MIN_LEVEL_SCALE <= scale <= MAX_LEVEL_SCALE:
-        raise SettingsError(
-            f"a levelling scale of {scale:g} cannot be used; choose {MIN_LEVEL_SCALE:g} to {MAX_LEVEL_SCALE:g}"
-        )
+        raise SettingsError(f"a levelling scale is not {scale:g}; choose {MIN_LEVEL_SCALE:g} to {MAX_LEVEL_SCALE:g}")
     height, width = normals.mask.shape
     if (camera.width, camera.height) != (width, height):
         raise GeometryError(f"the camera is {camera.width} x {camera.height} but its normals are {width} x {height}")

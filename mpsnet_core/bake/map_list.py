@@ -41,7 +41,7 @@ def read_map_list(path: AnyPath) -> list[ListedMap]:
         known = isinstance(entry, dict) and _KNOWN >= entry.keys() >= {"file"}
         if not known or not all(isinstance(value, str) for value in entry.values()):
             raise FormatError(
-                f'{path}: each of its "maps" has a "file" and may have "object", "material" and "convention", as texts'
+                f'{path}: each of its "maps" has texts: "file", and maybe "object", "material" and "convention"'
             )
         found.append(ListedMap(**{**entry, "file": Path(path).parent / entry["file"]}))
     return found

@@ -46,7 +46,7 @@ class MakesTextures(TakesMesh):
         provenance="none",  # recorded per texture
     )
     size: str = option(
-        default=f"{TEXTURE_SIZE}", metavar="SIDE|WIDTHxHEIGHT", help="size of the texture in pixels", numbers=True
+        default=f"{TEXTURE_SIZE}", metavar="SIDE|WIDTHxHEIGHT", help="the texture's pixels", numbers=True
     )
     space: Literal["tangent", "object"] = option(
         default="tangent",
@@ -191,9 +191,7 @@ class BakesDetail(MakesTextures):
         if self.onto:
             check_blending(self.space)
         elif self.onto_convention != "opengl" or self.onto_shown != "auto":
-            raise SettingsError(
-                "--onto-convention and --onto-shown describe the map of --onto; give it, or leave them out"
-            )
+            raise SettingsError("--onto-convention and --onto-shown describe the map of --onto; give that, too")
 
     def shares(self, written: "Sequence[WrittenTexture]") -> tuple[float, float | None]:
         """The fractions of the surface that were seen and filled. Raises GeometryError if too little was seen."""
@@ -317,9 +315,7 @@ class Bake(BakesDetail):
         "TEXTURE_albedo, with colours matched where views overlap",
         provenance="none",
     )
-    format: str | None = option(
-        default=None, help="png, tif or exr, if the output is a folder", unset="png", provenance="none"
-    )
+    format: str | None = option(default=None, help="png, tif or exr, for a folder", unset="png", provenance="none")
     output: str = option(
         help="texture to write: .png, .tif or .exr; <UDIM>, <MATERIAL> or <OBJECT> in its name writes one for "
         "each tile, material or object; a folder for a sequence, or to take the name from a preset",
@@ -338,9 +334,7 @@ class Bake(BakesDetail):
         baking = self._baking()
         for what, files, none in (("confidence maps", self.confidence, ""), ("albedos", self.albedo, ", or none")):
             if files and len(files) != len(views):
-                raise SettingsError(
-                    f"there are {len(views)} views but {len(files)} {what}; give one for each view{none}"
-                )
+                raise SettingsError(f"there are {len(views)} views but {len(files)} {what}; give one a view{none}")
         target = texture_target(
             self.output,
             self.mesh,
@@ -366,9 +360,7 @@ class Bake(BakesDetail):
             camera = next(filter(is_file, starts), words[0])
             normals = view[len(camera) + 1 :]
             if not (camera and normals):
-                raise SettingsError(
-                    f"--view {view} is not CAMERA=NORMALS; give a camera file, an equals sign, a normal map"
-                )
+                raise SettingsError(f"--view {view} is not CAMERA=NORMALS; give a camera file, =, a normal map")
             views.append((camera, normals))
         return views
 
@@ -419,7 +411,8 @@ class Bake(BakesDetail):
         from mpsnet_core.io.frames import results_folder
         from mpsnet_core.io.provenance import operation_facts
 
-        frames, numbers = self._frames(views, target)
+        numbered = self._frames(views, target)
+        frames = dict(numbered.values())
         check_no_overwrite({*(file for one in frames.values() for file in one.files), *self._onto_files()}, frames)
         remove_abandoned(ensure_folder(results_folder(target.output, "a sequence is baked", "textures"), "textures"))
         level = self.level_scale()
@@ -435,7 +428,7 @@ class Bake(BakesDetail):
             ),
             progress=progress,
         )
-        textures = {number: file for number, file in zip(numbers, frames, strict=True) if file not in outcome.failed}
+        textures = {number: file for number, (file, _) in numbered.items() if file not in outcome.failed}
         first, last = min(textures), max(textures)
         output = textures[first]
         existing = f", {outcome.existing} there already" if outcome.existing else ""
@@ -457,7 +450,7 @@ class Bake(BakesDetail):
     def _frames(
         self, views: list[tuple[str, str]], target: "TextureTarget"
     ) -> "tuple[dict[Path, BakeInputs], list[int]]":
-        """The inputs of each frame's texture, by its file, and the frames' numbers."""
+        """Each frame's texture file and inputs, by number."""
         from mpsnet_core.bake.inputs import frame_inputs
         from mpsnet_core.io.files import checked_bits
         from mpsnet_core.scene.texture_names import split_by
@@ -478,7 +471,7 @@ class Bake(BakesDetail):
         checked_bits(Path(f"texture{target.suffix}"), target.bits)
         numbers = sorted(inputs)
         digits = max(4, len(str(numbers[-1])))
-        return {target.frame(number, digits): inputs[number] for number in numbers}, numbers
+        return {number: (target.frame(number, digits), inputs[number]) for number in numbers}
 
     def _onto_files(self) -> list[Path]:
         return [Path(self.onto)] if self.onto else []

@@ -43,8 +43,7 @@ def feathered(visibility: Visibility, mask: Bools, width: float) -> F32:
     inside = visibility.unbroken & mask[np.ix_(*chosen_pixels(height, across, *mask.shape))]
     pixels = int(np.clip(round(width / visibility.footprint), 1, WIDEST))
     near = border_distance(inside, pixels) / np.float32(pixels)
-    share: F32 = np.maximum(near * near * (3 - 2 * near), np.float32(FAINTEST))
-    return share
+    return np.maximum(near * near * (3 - 2 * near), np.float32(FAINTEST))
 
 
 def border_distance(inside: Bools, limit: int) -> F32:
@@ -61,8 +60,7 @@ def border_distance(inside: Bools, limit: int) -> F32:
     nearest = np.full(inside.shape, limit**2)
     for step in range(-limit, limit + 1):
         np.minimum(nearest, vertical[:, limit + step : limit + step + width] + step**2, out=nearest)
-    distance: F32 = np.sqrt(nearest).astype(np.float32)
-    return distance
+    return np.sqrt(nearest).astype(np.float32)
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -205,8 +203,7 @@ class Projector:
     def _facing(self, points: F32, normals: F32) -> F32:
         """(N,) the cosine between normals and viewing directions at points, each (3, N)."""
         if self.camera.projection == "orthographic":
-            facing: F32 = transformed(self.turn[2:], normals)[0]
-            return facing
+            return transformed(self.turn[2:], normals)[0]
         towards = self.eye[:, None] - points
         facing = np.einsum("in,in->n", normals, towards)
         facing /= np.sqrt(np.einsum("in,in->n", towards, towards))
@@ -235,8 +232,7 @@ class Projector:
         below += right_texel
         below -= above
         below *= down
-        mean: F32 = np.add(above, below, out=above)
-        return mean
+        return np.add(above, below, out=above)
 
 
 def _repeated(values: F32, count: int) -> F32:
@@ -285,9 +281,7 @@ class Projectors:
             batch.append(Projector(self.views[number], self.scene, self.feather))
             values = batch[-1].samples.shape[2]
             if self.values not in (0, values):
-                raise GeometryError(
-                    "some views have colours and others none; give colours for all of them, or for none"
-                )
+                raise GeometryError("some views have colours and others none; give all of them colours, or none")
             self.values = values
             size = _held_bytes(batch[-1])
             bytes_in_memory += size

@@ -47,9 +47,7 @@ class Scan(TakesMesh, RunsModel, ReadsPhotos):
         help="35 mm equivalent focal length of the lens, in millimetres",
         unset="estimated too",
     )
-    size: str = option(
-        default="2048", metavar="N|WxH", help="side of the texture in texels, or width and height", numbers=True
-    )
+    size: str = option(default="2048", metavar="N|WxH", help="texels along the texture's sides", numbers=True)
     output: str = option(help="folder for the camera, the rig, the normals and the texture", path="folder")
 
     def run(self, progress: Progress = silent) -> Scanned:

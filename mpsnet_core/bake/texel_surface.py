@@ -122,8 +122,7 @@ class TexelSampler:
 
 def _dot(one: F32, other: F32) -> F32:
     """(N,) dot products of vectors (3, N)."""
-    product: F32 = np.einsum("in,in->n", one, other)
-    return product
+    return np.einsum("in,in->n", one, other)
 
 
 def _scaled_to_unit(vectors: F32) -> F32:
@@ -146,11 +145,10 @@ def _to_tangent_space(vectors: F32, normal: F32, tangent: F32, sign: F32) -> F32
     across = _dot(normal, tangent)
     (x, y, z), (u, v, w) = normal, tangent
     bitangent = np.stack([y * w - z * v, z * u - x * w, x * v - y * u])
-    solved: F32 = np.stack(
+    return np.stack(
         [
             along_tangent * _dot(normal, normal) - along_normal * across,
             _dot(vectors, bitangent) * sign,
             along_normal * _dot(tangent, tangent) - along_tangent * across,
         ]
     )
-    return solved

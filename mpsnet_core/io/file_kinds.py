@@ -23,7 +23,8 @@ _OTHERS = {
     b"%PDF": "a PDF document",
 }
 HEIC, AVIF = "HEIC", "AVIF"
-# Our names of attributes of a file that OpenImageIO does not read.
+# Our names of attributes: the format's name, whether there is a palette, and what OpenImageIO does not read.
+FORMAT, PALETTE = "mpsnet:format", "mpsnet:palette"
 TRANSFER, STATES_CURVE, STATES_TABLE = "mpsnet:transfer", "mpsnet:states_curve", "mpsnet:states_table"
 EXPOSURE = ("mpsnet:exposure_red", "mpsnet:exposure_green", "mpsnet:exposure_blue")
 _HEIC_BRANDS = (b"heic", b"heix", b"heim", b"heis", b"hevc", b"hevx", b"mif1", b"msf1")

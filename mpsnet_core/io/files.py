@@ -296,9 +296,7 @@ def check_no_link(path: Path) -> None:
     """Raise FileError if a file would be written through a link: one in an untrusted folder may lead to a file of the
     user's."""
     if path.is_symlink():
-        raise FileError(
-            f"{path} is a link to {path.readlink()}, and files are not written through links; remove the link"
-        )
+        raise FileError(f"{path} is a link to {path.readlink()}, through which no file is written; remove it")
 
 
 def _behind_link(path: Path) -> Path:
@@ -418,9 +416,7 @@ def creatable_folder(path: AnyPath, what: str) -> Path:
         raise FileError(f"cannot make folder {path}: {path.parent} does not exist; create it first")
     folder = path if path.is_dir() else path.parent
     if not _can_be_created(folder / "file"):
-        raise FileError(
-            f"cannot put the {what} into {path}: the folder {folder} cannot be written to; choose another folder"
-        )
+        raise FileError(f"cannot put the {what} into {path}: {folder} cannot be written to; choose another folder")
     return path
 
 

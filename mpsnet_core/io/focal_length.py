@@ -52,9 +52,7 @@ def stated_focal(path: AnyPath) -> float | None:
         and recorded[1]
         and abs(math.log(size[0] / size[1] * recorded[1] / recorded[0])) > math.log(SAME_ASPECT)
     ):
-        log.info(
-            "%s was cropped from %.0f x %.0f pixels, so its lens of %.0f mm (EXIF) is not used", name, *recorded, focal
-        )
+        log.info("%s was cropped from %.0f x %.0f pixels, so its lens (%.0f mm) is not used", name, *recorded, focal)
         return None
     return focal
 

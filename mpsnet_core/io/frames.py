@@ -93,10 +93,8 @@ def numbering(files: Sequence[Path]) -> Numbering | None:
 
 def natural_order(file: Path) -> tuple[list[str | int], str]:
     """A sort key that orders frame_2 before frame_10: runs of digits are compared as numbers."""
-    parts: list[str | int] = [
-        int(part) if place % 2 else part for place, part in enumerate(re.split("([0-9]+)", file.name))
-    ]
-    return parts, file.name
+    words = re.split("([0-9]+)", file.name)
+    return [int(word) if place % 2 else word for place, word in enumerate(words)], file.name
 
 
 def in_order_of_lights(photos: Sequence[Path]) -> list[Path]:
@@ -279,16 +277,16 @@ class PhotoFolder:
         self._listed: dict[Path, dict[str, list[Path]]] = {}
 
     def find(
-        self, stems: Collection[str], who: str, within: Path | None = None, *, raw_only: bool = False
+        self, stems: Collection[str], who: str, where: Path | None = None, *, raw_only: bool = False
     ) -> Path | None:
-        """The image in the folder `within` (this one by default) that has one of these names without suffix.
+        """The image in the folder `where` (this one by default) that has one of these names without suffix.
 
         If a photo exists both as raw and in another format, the raw file is returned. Case matters only if it
         distinguishes images. raw_only: return None unless it is a raw file.
 
         Raises FileError if several match. who: the photo's name in the message.
         """
-        folder = self.path if within is None else within
+        folder = self.path if where is None else where
         if folder not in self._listed:
             self._listed[folder] = _by_stem(folder)
         alike = [file for stem in {stem.lower() for stem in stems} for file in self._listed[folder].get(stem, [])]

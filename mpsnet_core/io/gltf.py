@@ -37,15 +37,8 @@ _UNMOVED = {"offset": [0, 0], "rotation": 0, "scale": [1, 1]}
 VISIBILITY = "KHR_node_visibility"
 COMPRESSED = {"EXT_meshopt_compression", "KHR_meshopt_compression", "KHR_draco_mesh_compression"}
 # Extensions that change no vertex, normal or UV, or that are read here.
-HARMLESS = (
-    "KHR_materials_",
-    "KHR_texture_",
-    "EXT_texture_",
-    "MSFT_texture_",
-    "KHR_lights_",
-    "KHR_mesh_quantization",
-    VISIBILITY,
-)
+_TEXTURES = ("KHR_texture_", "EXT_texture_", "MSFT_texture_")
+HARMLESS = (*_TEXTURES, "KHR_materials_", "KHR_lights_", "KHR_mesh_quantization", VISIBILITY)
 MAX_BYTES = 4 << 30
 # Limit of vertices over all instances of all meshes, and of these instances.
 MAX_VERTICES = 1 << 26

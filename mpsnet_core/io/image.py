@@ -129,9 +129,7 @@ def warn_of_saturation(name: object, image: Image) -> None:
     """Warn of saturation in a photo that is written as floats, which lose that information."""
     spoilt = image.saturated.any(axis=-1).mean()
     if spoilt > SPOILT_SHARE:
-        log.warning(
-            "%.1f%% of %s is saturated and therefore wrong; use a shorter exposure [clipped-photo]", 100 * spoilt, name
-        )
+        log.warning("%.1f%% of %s is saturated, so wrong; use a shorter exposure [clipped-photo]", 100 * spoilt, name)
 
 
 def storage_type(shape: tuple[int, ...]) -> type[np.floating[Any]]:

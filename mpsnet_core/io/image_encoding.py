@@ -13,10 +13,9 @@ import OpenImageIO as oiio
 from mpsnet_core.arrays.row_bands import bands
 from mpsnet_core.arrays.types import Floats
 from mpsnet_core.errors import Choices, FormatError
-from mpsnet_core.io.file_kinds import STATES_CURVE, STATES_TABLE, TRANSFER
+from mpsnet_core.io.file_kinds import FORMAT, STATES_CURVE, STATES_TABLE, TRANSFER
 from mpsnet_core.io.image import Assumed, Image, linear_to_srgb, srgb_to_linear
 from mpsnet_core.io.image_input import image_attribute
-from mpsnet_core.io.image_reading import FORMAT
 from mpsnet_core.io.marks import assumed_curve
 
 Curve = Callable[[Floats], Floats]
@@ -143,12 +142,12 @@ def _stated_encoding(path: Path, spec: Any) -> tuple[Curve, Assumed | None]:
         curve = None if linear or profile is None else profile_curve(profile.tobytes())
         if profile is not None and curve is None and not linear:
             log.warning(
-                "%s has a colour profile without curves, of tables alone, which is not applied; convert it to sRGB's",
+                "%s has a colour profile of tables, without curves, which is not applied; convert it to sRGB",
                 path,
             )
         if profile is None and image_attribute(spec, STATES_TABLE, int) == 1:
             log.warning(
-                "%s states its curve by a table (TIFF's TransferFunction), which is not applied; save it as sRGB", path
+                "%s states its curve by a table (TIFF's TransferFunction), which is not read; save it as sRGB", path
             )
         linear = linear or (floats and curve is None)
         if curve is None and not linear:

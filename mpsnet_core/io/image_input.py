@@ -155,9 +155,7 @@ def channel_names(spec: Any, path: AnyPath) -> tuple[str, ...]:
         names: tuple[str, ...] = spec.channelnames
         "".join(names).encode()  # OpenImageIO 3.1 returns names that it cannot decode
     except UnicodeError:
-        raise FormatError(
-            f"{path} names a channel or layer in letters that are not UTF-8; rename it and export it again"
-        ) from None
+        raise FormatError(f"{path} names a channel or layer in other letters than UTF-8's; rename it") from None
     return names
 
 

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from mpsnet_core.arrays.row_bands import FEW_ROWS, bands
 from mpsnet_core.arrays.types import F32, Bools
 from mpsnet_core.errors import FormatError, SettingsError
-from mpsnet_core.io.file_kinds import EXPOSURE, file_head, stated_beside, webp_orientation
+from mpsnet_core.io.file_kinds import EXPOSURE, FORMAT, PALETTE, file_head, stated_beside, webp_orientation
 from mpsnet_core.io.files import RAW_SUFFIXES, existing_file
 from mpsnet_core.io.image import MAX_PIXELS, Image, linear_to_srgb, oriented, srgb_to_linear, storage_type
 from mpsnet_core.io.image_encoding import IS_LINEAR, Encoding, curve_of, identity_curve, is_float
@@ -32,9 +32,6 @@ from mpsnet_core.io.raw import raw_size, read_raw
 log = logging.getLogger(__name__)
 
 T = TypeVar("T", bound=np.generic)
-
-# Names of the attributes with the format's name, and whether the file has a palette.
-FORMAT, PALETTE = "mpsnet:format", "mpsnet:palette"
 
 # Checked before any memory is allocated: a broken or hostile header can claim any number.
 MAX_CHANNELS = 1024

@@ -95,7 +95,7 @@ def read_obj(path: Path) -> Polygons:
             elif key == "f":
                 if len(words) > MAX_CORNERS:
                     raise FormatError(
-                        f"line {number} is a face of {len(words)} corners, more than {MAX_CORNERS}; triangulate it"
+                        f"line {number}: a face of {len(words)} corners, above {MAX_CORNERS}; triangulate it"
                     )
                 counts = [len(values[kind]) for kind in ("v", "vt", "vn")]
                 face = [_corner(word, counts) for word in words]

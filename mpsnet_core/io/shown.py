@@ -29,8 +29,7 @@ class Shown:
     @property
     def shape(self) -> tuple[int, ...]:
         """The shape of its array: height, width, and channels if it has any."""
-        shape: tuple[int, ...] = getattr(self, self.array_name).shape
-        return shape
+        return getattr(self, self.array_name).shape
 
     def __array__(self, dtype: Any = None, copy: bool | None = None) -> NDArray[Any]:
         # Matplotlib takes arrays alone, and would clip what is no colour: it gets the picture.

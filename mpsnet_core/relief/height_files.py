@@ -189,9 +189,7 @@ def write_height(
 
 def _checked_ends(ends: tuple[float, float] | None) -> tuple[float, float] | None:
     if ends is not None and not (np.isfinite(ends).all() and ends[0] <= ends[1]):
-        raise SettingsError(
-            f"the heights of black and white are {ends[0]:g} and {ends[1]:g}; give a lower and a higher one"
-        )
+        raise SettingsError(f"the heights of black and white are {ends[0]:g} and {ends[1]:g}; give the lower one first")
     return ends
 
 

@@ -26,9 +26,7 @@ def check_size(what: str, shape: Sequence[int], normals: NormalMap) -> None:
 def check_square(height: int, width: int) -> None:
     """Raise GeometryError if a texture on UVs is not square."""
     if height != width:
-        raise GeometryError(
-            f"heights on UVs need a square texture, not one of {width} x {height} texels; bake it square"
-        )
+        raise GeometryError(f"heights on UVs need a square texture, not {width} x {height} texels; bake it square")
 
 
 # ----------------------------------------------------------------------------------------------------------------------

@@ -124,9 +124,7 @@ class MakesProducts(Operation):
         help="image of the surface under a white light, with the ambient occlusion if that is made",
         provenance="none",
     )
-    light: str = option(
-        default="45,135", metavar="SLANT,TILT", help="direction of that light, in degrees", numbers=True
-    )
+    light: str = option(default="45,135", metavar="SLANT,TILT", help="direction of that light in degrees", numbers=True)
     albedo: str | None = option(
         default=None, metavar="PHOTO", help="the surface's colour for --relit", unset="light grey", provenance="files"
     )
@@ -215,9 +213,7 @@ class Integrate(DisplacesMesh, MakesProducts, HasScale):
                 raise SettingsError(f"{given[name]} goes with a photo's normals, not with --uvs; leave it out")
         for name, needed in _NEEDED.items():
             if name in given and not getattr(self, needed):
-                raise SettingsError(
-                    f"{given[name]} goes with --{needed}, which is not given; leave it out, or give both"
-                )
+                raise SettingsError(f"{given[name]} goes with --{needed}, which is not given; give both, or neither")
 
 
 @dataclass(frozen=True)

@@ -73,9 +73,7 @@ class Camera:
                 raise GeometryError(f"the camera's {what} must be a whole number of pixels from 1 to {MAX_SIDE}")
         focal = _numbers(self.focal, (2,), "focal", np.inf)
         if not ((focal >= MIN_FOCAL) & (focal <= MAX_VALUE)).all():
-            raise GeometryError(
-                f"the camera's focal must be above 0 in x and in y, {MIN_FOCAL:g} to {MAX_VALUE:g} pixels"
-            )
+            raise GeometryError(f"the camera's focal in x and in y must be {MIN_FOCAL:g} to {MAX_VALUE:g} pixels")
         middle = np.array([self.width / 2, self.height / 2])
         centre = _numbers(middle if self.centre is None else self.centre, (2,), "centre", MAX_VALUE)
         pose = _numbers(self.world_from_camera, (4, 4), "world_from_camera", FARTHEST)
@@ -118,8 +116,7 @@ class Camera:
             rows = np.array([[fx, 0, 0, cx], [0, -fy, 0, cy], [0, 0, 0, 1.0]])
         else:
             rows = np.array([[fx, 0, -cx, 0], [0, -fy, -cy, 0], [0, 0, -1.0, 0]])
-        projection: F64 = rows @ camera_from_world
-        return projection
+        return rows @ camera_from_world
 
     def extent(self, points: Floats) -> tuple[slice, slice]:
         """Rows and columns of the image that bound world points (N, 3), at least one of each.
@@ -139,8 +136,7 @@ class Camera:
 
     def depth_row(self) -> F64:
         """(4,) row d: a homogeneous world point's distance in front of the camera along its axis is d·p."""
-        row: F64 = -np.linalg.inv(self.world_from_camera)[2]
-        return row
+        return -np.linalg.inv(self.world_from_camera)[2]
 
     def points(self, depth: Floats, first_row: int = 0) -> F64:
         """(h, W, 3) points in camera space: rows of pixels from `first_row` on, at `depth` (h, W) along the axis."""
@@ -206,9 +202,7 @@ def camera_for(camera: Camera | float | None, width: int, height: int, remedy: s
     # Whoever scales a photo rounds its shorter side to whole pixels.
     longer = max(width, height) / max(camera.width, camera.height)
     if max(abs(camera.width * longer - width), abs(camera.height * longer - height)) > 1:
-        raise GeometryError(
-            f"the camera is {camera.width} x {camera.height} but the photo is {width} x {height}; {remedy}"
-        )
+        raise GeometryError(f"the camera is {camera.width} x {camera.height}, the photo {width} x {height}; {remedy}")
     log.info(
         "the camera is for %d x %d pixels and the photo has %d x %d: the camera is scaled; if the photo was cropped "
         "instead, give its own camera",

@@ -49,8 +49,7 @@ class LitView:
         right = np.where((count == 3)[..., None], encode(self.normals), TOO_FEW[np.minimum(count, 2)])
         colours = np.concatenate([linear_to_srgb(self.photo), right], axis=1)
         opacity = np.concatenate([self.mask, self.mask], axis=1)[..., None]
-        picture: F32 = np.concatenate([colours * opacity, opacity], axis=-1).astype(np.float32)
-        return picture
+        return np.concatenate([colours * opacity, opacity], axis=-1).astype(np.float32)
 
 
 def lit_view(camera: Camera, rig: LightRig, mesh: Mesh) -> LitView:

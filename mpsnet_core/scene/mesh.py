@@ -50,9 +50,7 @@ class Labels:
         if number.ndim != 1 or number.dtype.kind not in "iu":
             raise GeometryError("labels need one whole number for each triangle; export the mesh again")
         if len(number) and not (number.min() >= 0 and number.max() < len(self.names)):
-            raise GeometryError(
-                f"labels are numbered up to {number.max()}, but have {len(self.names)} names; export again"
-            )
+            raise GeometryError(f"labels are numbered up to {number.max()}, of {len(self.names)} names; export again")
         if len(set(self.names)) < len(self.names):
             raise GeometryError("two labels have the same name; export the mesh again")
         object.__setattr__(self, "names", tuple(map(str, self.names)))
@@ -176,14 +174,12 @@ class Mesh:
     @cached_property
     def world_vertices(self) -> F64:
         """(V, 3) vertices in world space."""
-        placed: F64 = self.vertices @ self.world_from_object[:3, :3].T + self.world_from_object[:3, 3]
-        return placed
+        return self.vertices @ self.world_from_object[:3, :3].T + self.world_from_object[:3, 3]
 
     @cached_property
     def world_areas(self) -> F64:
         """(T,) areas of the triangles in world space."""
-        areas: F64 = np.linalg.norm(triangle_normals(self.world_vertices[self.triangles]), axis=1) / 2
-        return areas
+        return np.linalg.norm(triangle_normals(self.world_vertices[self.triangles]), axis=1) / 2
 
     @cached_property
     def outwards(self) -> F32:
@@ -225,8 +221,7 @@ def _check_finite(name: str, values: NDArray[Any]) -> None:
 
 def _scales(pose: F64) -> F64:
     """(3,) scale factors (singular values) of a pose, largest first."""
-    scales: F64 = np.linalg.svd(pose[:3, :3], compute_uv=False)
-    return scales
+    return np.linalg.svd(pose[:3, :3], compute_uv=False)
 
 
 def _check_pose(world_from_object: F64) -> None:
@@ -284,8 +279,7 @@ def read_mesh(path: AnyPath, *, shape_only: bool = False, up: Up = "z", unit: fl
 
 def world_from_file(up: Up, unit: float) -> F64:
     """(4, 4) transform to world space from that of a file with this axis up, whose unit has this length."""
-    turned: F64 = np.diag([unit, unit, unit, 1.0]) @ (_FROM_Y_UP if up == "y" else np.eye(4))
-    return turned
+    return np.diag([unit, unit, unit, 1.0]) @ (_FROM_Y_UP if up == "y" else np.eye(4))
 
 
 # The .npz arrays of labels: the names, and each triangle's index into them.
@@ -309,9 +303,7 @@ def _read_npz(path: Path, shape_only: bool) -> Mesh:
     if str(arrays.get("format")) != MESH_FORMAT:
         raise FormatError(f"it is not a {MESH_FORMAT} file; export it with the add-on")
     if not np.array_equal(arrays.get("version", 0), MESH_VERSION):
-        raise FormatError(
-            f"it is version {arrays.get('version')}, this program reads version {MESH_VERSION}; update it"
-        )
+        raise FormatError(f"it is version {arrays.get('version')}, this program reads {MESH_VERSION}; update it")
     missing = [name for name in ("vertices", "triangles", "corner_normals", "uvs") if name not in arrays]
     if missing:
         raise FormatError(f'it lacks "{missing[0]}"; export it again')
@@ -418,8 +410,7 @@ def _read_glb(path: Path, shape_only: bool) -> Mesh:
                 for part, value in zip(placed, values, strict=True)
             ]
         )
-        found: F64 = rows[corners]
-        return found
+        return rows[corners]
 
     found = Polygons(
         np.concatenate([part.vertices for part in placed]),
@@ -505,8 +496,7 @@ def _shaded(found: Polygons) -> F32:
 
 def triangle_normals(corners: NDArray[Any]) -> NDArray[Any]:
     """(T, 3) normals of counter-clockwise triangles (T, 3, 3). Their length is twice the area."""
-    normals: NDArray[Any] = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    return normals
+    return np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
 
 
 def shared_normals(corners: F64, shared: NDArray[np.integer[Any]], sizes: I64 | None = None) -> F64:
@@ -533,8 +523,7 @@ def shared_normals(corners: F64, shared: NDArray[np.integer[Any]], sizes: I64 | 
     angles = np.arctan2(np.linalg.norm(np.cross(ahead, behind), axis=-1), dot(ahead, behind))
     weighted = np.repeat(faces, sizes, axis=0) * angles[:, None]
     summed = np.stack([np.bincount(number, weighted[:, axis]) for axis in range(3)], axis=-1)
-    normals: F64 = normalised(summed)[number].reshape(corners.shape)
-    return normals
+    return normalised(summed)[number].reshape(corners.shape)
 
 
 # Readers of a path and of whether UVs are ignored, by suffix.

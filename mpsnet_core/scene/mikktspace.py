@@ -128,8 +128,7 @@ class _Quads:
         first, at_0 = first[known], at_0[known, None]
 
         def numbered(one: list[int], other: list[int]) -> I64:
-            corners: I64 = 3 * first[:, None] + np.where(at_0, one, other)
-            return corners
+            return 3 * first[:, None] + np.where(at_0, one, other)
 
         around = numbered([0, 1, 2, 5], [0, 1, 4, 2])
         return cls(first, around, numbered([3, 4], [3, 5]), numbered([0, 2], [1, 2]), len(vertex))
@@ -180,16 +179,14 @@ def _normalised_or_zero(vectors: F64) -> F64:
 
 def _in_plane(vectors: F64, normals: F64) -> F64:
     height = dot(vectors, normals)[..., None]
-    projected: F64 = vectors - normals * height
-    return projected
+    return vectors - normals * height
 
 
 def _welded(corners: F64, normals: F64, uvs: F64) -> I64:
     """(T, 3) a number for every distinct position, normal and UV."""
     rows = np.concatenate([corners, normals, uvs], axis=2).reshape(-1, 8).astype(np.float32) + np.float32(0)
     keys = np.ascontiguousarray(rows).view(np.dtype((np.void, rows.itemsize * rows.shape[1]))).ravel()
-    numbers: I64 = np.unique(keys, return_inverse=True)[1].reshape(-1, 3).astype(np.int64)
-    return numbers
+    return np.unique(keys, return_inverse=True)[1].reshape(-1, 3).astype(np.int64)
 
 
 def _triangle_tangents(corners: F64, uvs: F64) -> tuple[F64, F64, Bools]:
@@ -201,11 +198,9 @@ def _triangle_tangents(corners: F64, uvs: F64) -> tuple[F64, F64, Bools]:
     along_u[doubled_area <= 0] *= -1
     along_v = -t2[:, :1] * d1 + t1[:, :1] * d2
     tiny = np.finfo(np.float32).tiny
-    usable = (
-        (np.abs(doubled_area) > tiny)
-        & (np.linalg.norm(along_u, axis=1) > tiny)
-        & (np.linalg.norm(along_v, axis=1) > tiny)
-    )
+    usable = np.abs(doubled_area) > tiny
+    for along in (along_u, along_v):
+        usable &= np.linalg.norm(along, axis=1) > tiny
     return _normalised_or_zero(along_u), doubled_area, usable
 
 

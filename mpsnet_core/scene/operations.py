@@ -87,7 +87,7 @@ class WriteCameras(ReadsPictures):
     command: ClassVar[str] = "cameras"
 
     cameras: str = option(
-        positional=True, help="a COLMAP folder, Metashape's .xml or Meshroom's .sfm", provenance="files"
+        positional=True, help="COLMAP's folder, Metashape's .xml, Meshroom's .sfm", provenance="files"
     )
     photos: str = option(metavar="FOLDER", help="the photos, one for each camera", provenance="files")
     output: str = option(
@@ -115,9 +115,7 @@ class WriteCameras(ReadsPictures):
             self._undistort(view, camera, folder / f"{view.name}.exr")
             corrected_photos += 1
         progress(1.0, "done")
-        lenses = (
-            f", {corrected_photos} photo(s) undistorted" if corrected_photos else ", whose lenses have no distortion"
-        )
+        lenses = f", {corrected_photos} photo(s) undistorted" if corrected_photos else ", without distortion"
         return CamerasWritten(
             str(folder),
             [f"{view.name}{CAMERA_SUFFIX}" for view in views],
@@ -170,7 +168,7 @@ class CompareNormals(Operation):
 
     normals: str = option(positional=True, help="estimated normal map, in camera space")
     truth: str = option(
-        help="true normal map of the same view; with --camera, Blender's OpenEXR with the passes Normal and Combined"
+        help="the true normal map; with --camera, Blender's OpenEXR with the passes Normal and Combined"
     )
     camera: str | None = option(
         default=None,
@@ -183,9 +181,7 @@ class CompareNormals(Operation):
     truth_convention: Literal["opengl", "directx"] = option(
         default="opengl", choices=CONVENTIONS, help="which way the green channel of the true normal map points"
     )
-    output: str | None = option(
-        default=None, metavar="FILE", help="image of the errors with a scale: .png, .tif or .exr"
-    )
+    output: str | None = option(default=None, metavar="FILE", help="image of the errors: .png, .tif or .exr")
 
     def run(self, progress: Progress = silent) -> NormalsCompared:
         """Compare them, and write the error image if requested."""

@@ -38,8 +38,7 @@ class Hits:
     @property
     def weights(self) -> F32:
         """(N, 3, 1) barycentric coordinates."""
-        weights: F32 = np.stack([1 - self.u - self.v, self.u, self.v], axis=1)[..., None]
-        return weights
+        return np.stack([1 - self.u - self.v, self.u, self.v], axis=1)[..., None]
 
     def subset(self, which: NDArray[np.integer[Any]]) -> "Hits":
         """The hits of the rays with these indices."""
@@ -137,8 +136,7 @@ class RayScene:
         scale = np.float32(1 / self.size)
         start, farthest = np.multiply(origins, scale, order="C"), reach * scale
         found = self._scene.run(start, np.ascontiguousarray(directions), dists=farthest, query="OCCLUDED")
-        occluded: Bools = found >= 0
-        return occluded
+        return found >= 0
 
     def hits(self, origins: Floats, directions: Floats) -> Hits:
         """Where rays from origins (N, 3) in unit directions (N, 3) first hit the mesh."""
@@ -149,8 +147,7 @@ class RayScene:
 
     def occluded(self, origins: Floats, directions: Floats) -> Bools:
         """(N,) whether rays from origins (N, 3) in unit directions (N, 3), or a common one (1, 3), hit anything."""
-        occluded: Bools = self._run(origins, directions, "OCCLUDED") >= 0
-        return occluded
+        return self._run(origins, directions, "OCCLUDED") >= 0
 
     def _run(self, origins: Floats, directions: Floats, query: str, **settings: int) -> Any:
         middle = self.middle.astype(origins.dtype)
@@ -196,20 +193,17 @@ class MeshHits:
 
     def at(self, corners: Floats) -> NDArray[Any]:
         """(M, K) values at the hits, interpolated from those at the triangles' corners, (T, 3, K)."""
-        values: Floats = (corners[self.triangle] * self.weights).sum(axis=1)
-        return values
+        return (corners[self.triangle] * self.weights).sum(axis=1)
 
     def in_camera(self, normals: F32) -> F32:
         """(M, 3) unit normals in camera space from normals (M, 3) in object space."""
         to_camera = self.mesh.normals_to_world @ self.camera.rotation
-        unit: F32 = normalised(normals @ to_camera.astype(np.float32))
-        return unit
+        return normalised(normals @ to_camera.astype(np.float32))
 
     @property
     def from_front(self) -> Bools:
         """(M,) whether the triangles' outsides face the camera."""
-        facing: Bools = dot(self.mesh.outwards[self.triangle] @ self.camera.rotation, self.directions) < 0
-        return facing
+        return dot(self.mesh.outwards[self.triangle] @ self.camera.rotation, self.directions) < 0
 
 
 def mesh_hits(mesh: Mesh, camera: Camera, scene: RayScene, pixels: Floats) -> MeshHits:
@@ -262,7 +256,7 @@ def depth_of_mesh(camera: Camera, scene: RayScene) -> F32:
     depth += np.float32(scene.depth_of_middle(camera))
     if not np.isfinite(depth).any():
         raise GeometryError(
-            "the camera does not see the mesh; check that both share one world, and that the camera faces the mesh"
+            "the camera does not see the mesh; check that both share a world, and that it faces the mesh"
         )
     return depth
 
@@ -274,8 +268,7 @@ def mesh_mask(camera: Camera, scene: RayScene) -> Bools:
     pixels = np.stack(np.meshgrid(columns + 0.5, rows + 0.5), axis=-1).reshape(-1, 2)
     origins, directions, _ = scene.rays_of(camera, pixels)
     seen = np.isfinite(scene.distances(origins, directions)).reshape(small)
-    mask: Bools = seen[np.ix_(*chosen_pixels(camera.height, camera.width, *small))]
-    return mask
+    return seen[np.ix_(*chosen_pixels(camera.height, camera.width, *small))]
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -333,9 +326,8 @@ class Visibility:
             # The plane's depth at the pixel's centre, with a tolerance, and its gradient per pixel to the right and
             # down; NaN where the depth is not smooth. A fourth value aligns rows to 16 bytes for fast lookup.
             self.planes = np.zeros((*depth.shape, 4), np.float32)
-            self.planes[..., 0] = np.where(
-                smooth, depth + SHARPEST_BEND * pixel + np.float32(2 * self.offset), np.float32(np.nan)
-            )
+            highest = depth + SHARPEST_BEND * pixel + np.float32(2 * self.offset)
+            self.planes[..., 0] = np.where(smooth, highest, np.float32(np.nan))
             self.planes[..., 1] = (right - left) / 2
             self.planes[..., 2] = (below - above) / 2
 

@@ -42,9 +42,7 @@ def _matrix(value: ArrayLike, what: str) -> F64:
     if matrix.shape != (3, 3):
         raise GeometryError(f"{what} must be three rows of three numbers, not an array of shape {matrix.shape}")
     if not (np.abs(matrix) <= MAX_VALUE).all():
-        raise GeometryError(
-            f"{what} holds a value that is not finite or beyond {MAX_VALUE:g}; every entry must be a number"
-        )
+        raise GeometryError(f"{what} holds a value that is not finite or beyond {MAX_VALUE:g}; give numbers")
     return matrix
 
 
@@ -106,8 +104,7 @@ class NearLights:
         if self.lobe:
             cosine = np.einsum("...ki,ki->...k", towards, axes) / (distance * reach)
             brightness *= np.maximum(cosine, MIN_LOBE_COSINE) ** self.lobe
-        lights: F64 = towards * (brightness / distance)[..., None]
-        return lights
+        return towards * (brightness / distance)[..., None]
 
 
 @dataclass(frozen=True, eq=False)
@@ -296,9 +293,8 @@ def read_rig(path: AnyPath) -> LightRig:
         if near:
             positions = [_json_position(light, name) for light, name in named]
             return near_rig(positions, data["target"], mixing, data.get("lobe", 0.0), is_ground_truth=exact)
-        return LightRig(
-            np.array([_json_direction(light, name) for light, name in named]), mixing, is_ground_truth=exact
-        )
+        directions = np.array([_json_direction(light, name) for light, name in named])
+        return LightRig(directions, mixing, is_ground_truth=exact)
 
 
 def has_mixing(path: AnyPath) -> bool:
@@ -381,9 +377,7 @@ def read_lp(path: AnyPath) -> tuple[list[str], F64]:
             raise FormatError('not an .lp file: the first line is the count, then a line "name x y z" a light')
         lights = [_lp_light(number, words) for number, words in lines]
         if len(lights) != int(head[0]):
-            raise FormatError(
-                f"the first line states {head[0]} lights but {len(lights)} lines follow; correct the count"
-            )
+            raise FormatError(f"the first line states {head[0]} lights but {len(lights)} lines follow; correct it")
     return [name for name, _ in lights], np.array([direction for _, direction in lights]).reshape(-1, 3)
 
 
@@ -501,7 +495,7 @@ def read_world_lights(path: AnyPath) -> WorldLights:
     """
     if Path(path).suffix.lower() == ".lp":
         raise FormatError(
-            f"{path}: the lights of an .lp file are relative to the camera; for lights in the world give a rig .json"
+            f"{path}: an .lp file's lights are relative to the camera; for lights in the world give a .json"
         )
     with rig_data(path) as (data, is_near):
         key, mixing = "position" if is_near else "direction", data.get("mixing", np.eye(3))

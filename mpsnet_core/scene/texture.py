@@ -1,7 +1,7 @@
 """Texture: normals baked onto a mesh's UVs."""
 
 from dataclasses import dataclass, replace
-from typing import Any, ClassVar, Literal
+from typing import ClassVar, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -51,10 +51,8 @@ class Texture(Shown):
 
     def rows(self, rows: slice) -> "Texture":
         """A view of some of its rows, which shares memory with it."""
-        arrays: dict[str, Any] = {
-            name: values[rows] for name, values in vars(self).items() if isinstance(values, np.ndarray)
-        }
-        return replace(self, **arrays)
+        found = vars(self).items()
+        return replace(self, **{name: one[rows] for name, one in found if isinstance(one, np.ndarray)})
 
     @property
     def seen_fraction(self) -> float:
@@ -103,9 +101,7 @@ def check_texture(size: TextureSize, space: str, margin: int) -> None:
     """Raise SettingsError if the size, space or margin of a texture is invalid."""
     for side in width_and_height(size):
         if not 1 <= side <= MAX_TEXTURE_SIZE:
-            raise SettingsError(
-                f"a texture of {side} texels cannot be baked; choose a size from 1 to {MAX_TEXTURE_SIZE}"
-            )
+            raise SettingsError(f"a texture has no side of {side} texels; choose a size from 1 to {MAX_TEXTURE_SIZE}")
     if not 0 <= margin <= MAX_TEXTURE_SIZE:
         raise SettingsError(f"islands cannot be grown by a margin of {margin} texels; choose 0 to {MAX_TEXTURE_SIZE}")
     check_choice("space", space, SPACES)

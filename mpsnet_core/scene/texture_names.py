@@ -74,9 +74,7 @@ def check_one_texture(file: AnyPath) -> None:
     name = "" if Path(file).is_file() else Path(file).name
     for token, what in TOKENS.items():
         if token in name:
-            raise SettingsError(
-                f"{file} stands for several textures; name one of them, with {called[what]} for {token}"
-            )
+            raise SettingsError(f"{file} stands for several textures; name one, with {called[what]} for {token}")
 
 
 def tile_patterns(pattern: AnyPath, texture_sets: Sequence[NamesTexture]) -> list[Path]:

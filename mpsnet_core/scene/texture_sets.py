@@ -202,9 +202,7 @@ def _tiles(meshes: Sequence[Mesh], group: TextureSet) -> list[TextureSet]:
     reaches = [_reach(mesh, part) for mesh, part in zip(meshes, group.parts, strict=True)]
     tiles = {number for low, high in reaches for number in _tile_numbers(low, high)}
     if not tiles:
-        raise GeometryError(
-            "all UVs lie outside the UDIM tiles, the first of which, 1001, is 0 to 1; move the UV islands into them"
-        )
+        raise GeometryError("all UVs lie outside the UDIM tiles, of which 1001 is 0 to 1; move the islands into them")
     if len(tiles) > MAX_TILES:
         raise GeometryError(
             f"the UVs lie in {len(tiles)} UDIM tiles, more than the {MAX_TILES} that are baked at once; scale the UV "
@@ -253,9 +251,7 @@ def _log_uvs_outside_tiles(meshes: Sequence[Mesh], where: str, width: int, heigh
     if count:
         total = sum(len(mesh.triangles) for mesh in meshes)
         tiles = "" if width * height > 1 else "; bake UDIM tiles (<UDIM> in the file's name) to have them too"
-        log.info(
-            "%d of %d triangles have UVs outside %s, which the texture does not reach%s", count, total, where, tiles
-        )
+        log.info("%d of %d triangles have UVs outside %s, where no texture is%s", count, total, where, tiles)
 
 
 def _log_islands_across_tiles(meshes: Sequence[Mesh]) -> None:

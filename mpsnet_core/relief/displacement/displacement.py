@@ -199,9 +199,7 @@ def _checked_size(vectors: F32, space: str, margin: int, scale: float, mean: flo
     if not np.isfinite(vectors).all():
         raise GeometryError("the texture holds values that are not finite; bake it again")
     if not 0 <= scale <= MAX_BUMPS:
-        raise SettingsError(
-            f"a scale of {scale:g} times the mesh's size cannot be used; choose 0 (keep all) to {MAX_BUMPS:g}"
-        )
+        raise SettingsError(f"a scale of {scale:g} times the mesh's size: choose 0 (keep all) to {MAX_BUMPS:g}")
     if mean is not None and not np.isfinite(mean):
         raise SettingsError(f"the mean height must be a number, not {mean}")
     return size

@@ -111,9 +111,7 @@ def _tiled(normals: str, height: str) -> bool:
     normals_tiled, height_tiled = ("tile" in split_by(name) for name in (normals, height))
     if normals_tiled != height_tiled:
         has, lacks = (normals, height) if normals_tiled else (height, normals)
-        raise SettingsError(
-            f"{has} means a file for each UDIM tile, and {lacks} one for all; put <UDIM> into both names"
-        )
+        raise SettingsError(f"{has} means a file for each UDIM tile, and {lacks} one for all; put <UDIM> into both")
     if not normals_tiled:
         check_one_texture(normals)
         check_one_texture(height)
@@ -181,9 +179,7 @@ def _warn_of_misfit(found: Displacement, span: float, mesh: Mesh, unit: str, bak
         misfits.append(f"the heights span {span:.3g} {unit}, and the whole mesh {across:.3g}")
     if found.contradicted > DOUBTFUL:
         misfits.append(
-            f"the normals contradict one another on {found.contradicted:.0%} of the surface, which stays flat"
+            f"its normals contradict each other on {found.contradicted:.0%} of the surface, which stays flat"
         )
     if misfits:
-        log.warning(
-            "%s; check that the texture was baked onto this mesh, %s (--space, --convention)", "; ".join(misfits), baked
-        )
+        log.warning("%s; was the texture baked onto this mesh, %s (--space, --convention)?", "; ".join(misfits), baked)

@@ -194,10 +194,8 @@ def bilateral(wanted: Gradients, progress: Progress = silent) -> F32:
         depth, offs = fast(wanted, before), np.geomspace(FIRST_OFF, SMALL_OFF, FIRST_PASSES)
     else:
         smaller = _halved(wanted)
-        depth, offs = (
-            _searched(wanted, _doubled(bilateral(smaller, before), smaller, wanted.mask)),
-            np.full(PASSES, OFF),
-        )
+        depth = _searched(wanted, _doubled(bilateral(smaller, before), smaller, wanted.mask))
+        offs = np.full(PASSES, OFF)
     for number, off in enumerate(offs):
         done, all_done = (STARTED + (1 - STARTED) * count / len(offs) for count in (number, number + 1))
         step = part(progress, done, all_done, "finding depth's edges")

@@ -49,10 +49,8 @@ def build_grids(weights: Links) -> list[Grid]:
         grids.append(Grid(weights, jacobi_factors(weights)))
         weights = _coarser_links(weights)
     matrix = _matrix(weights, *shape)
-    return [
-        *grids,
-        Grid(weights, jacobi_factors(weights), np.linalg.pinv(matrix, 1e-6, hermitian=True).astype(np.float32)),
-    ]
+    inverse = np.linalg.pinv(matrix, 1e-6, hermitian=True).astype(np.float32)
+    return [*grids, Grid(weights, jacobi_factors(weights), inverse)]
 
 
 def residual(grid: Grid, u: F32, target: F32 | None, out: F32) -> F32:

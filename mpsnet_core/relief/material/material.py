@@ -154,9 +154,7 @@ def _material(pictures: F32, cut: Bools, tiling: Tiling, tilt: float, pixel_mm: 
 def check_material(size: int | None, overlap: float, bend: int) -> None:
     """Raise SettingsError if a material of this size, overlap and bend cannot be made."""
     if size is not None and not MIN_MATERIAL_SIZE <= size <= MAX_MATERIAL_SIZE:
-        raise SettingsError(
-            f"a material's pictures are {MIN_MATERIAL_SIZE} to {MAX_MATERIAL_SIZE} pixels a side, not {size}"
-        )
+        raise SettingsError(f"a material has {MIN_MATERIAL_SIZE} to {MAX_MATERIAL_SIZE} pixels a side, not {size}")
     if not MIN_OVERLAP <= overlap <= MAX_OVERLAP:
         raise SettingsError(f"borders overlap by {MIN_OVERLAP:g} to {MAX_OVERLAP:g} of the tile, not {overlap:g}")
     if size is not None:
@@ -193,9 +191,7 @@ def crop_to_filled_part(capture: Capture, crop: tuple[int, int, int, int] | None
             f"the photo, which is {columns} x {rows}; choose a crop within it"
         )
     if min(width, height) < MIN_MATERIAL_SIZE:
-        raise GeometryError(
-            f"{width} x {height} pixels are too few for a material; take {MIN_MATERIAL_SIZE} or more each way"
-        )
+        raise GeometryError(f"{width} x {height} pixels are too few for a material; take {MIN_MATERIAL_SIZE} or more")
     part = slice(top, top + height), slice(left, left + width)
     missing = 1 - float(capture.mask[part].mean())
     if missing:

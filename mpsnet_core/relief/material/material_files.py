@@ -81,9 +81,7 @@ class Ruler:
         """Raise SettingsError if a point is not within a photo of that size."""
         x1, y1, x2, y2 = self.ends
         if not (0 <= min(x1, x2) <= max(x1, x2) <= width and 0 <= min(y1, y2) <= max(y1, y2) <= height):
-            raise SettingsError(
-                f"--ruler {self.text}: its places are not within the photo, which is {width} x {height}"
-            )
+            raise SettingsError(f"--ruler {self.text}: its places are outside the photo, which is {width} x {height}")
 
 
 def parse_ruler(text: str) -> Ruler:
@@ -119,14 +117,7 @@ log = logging.getLogger(__name__)
 
 MATERIAL_FORMAT = "mpsnet-material"
 MATERIAL_VERSION = 1
-PICTURES = {
-    "normal": ".png",
-    "height": ".png",
-    "height_mm": ".exr",
-    "curvature": ".png",
-    "albedo": ".png",
-    "preview": ".png",
-}
+PICTURES = {what: ".png" for what in ("normal", "height", "curvature", "albedo", "preview")} | {"height_mm": ".exr"}
 REPEATS = 3
 PREVIEW_SIDE = 1536
 # Equation 2's mean slope in units of the network's: about 1 on matt materials, 1.6 to 4 on those with a sheen.

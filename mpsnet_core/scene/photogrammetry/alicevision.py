@@ -41,9 +41,7 @@ def read_alicevision(path: AnyPath) -> list[PosedPhoto]:
     file = existing_file(path, "scene")
     with prefix_errors(file):
         if file.stat().st_size > MAX_FILE_BYTES:
-            raise FormatError(
-                "it is larger than 256 MiB; take cameras.sfm of Meshroom's node StructureFromMotion, without points"
-            )
+            raise FormatError("it is larger than 256 MiB; take cameras.sfm of Meshroom's StructureFromMotion")
         try:
             scene = json.loads(file.read_text(encoding="utf-8-sig"))
         except UnicodeDecodeError:
@@ -65,9 +63,7 @@ def read_alicevision(path: AnyPath) -> list[PosedPhoto]:
                 if not isinstance(name, str):
                     raise FormatError('its "path" is not text; save the scene again')
                 if intrinsic is None:
-                    raise FormatError(
-                        f"its intrinsic {view.get('intrinsicId')} is not in the scene; save both together"
-                    )
+                    raise FormatError(f"its intrinsic {view.get('intrinsicId')} is not in the scene; save both")
                 if str(view.get("isPoseIndependant", "true")).lower() in ("false", "0"):
                     raise FormatError("it belongs to several cameras mounted together; reconstruct without their rig")
                 photos.append(_posed(name, intrinsic, pose, version))
@@ -106,9 +102,7 @@ def _focal(intrinsic: dict[str, Any], width: float, version: Version) -> F64:
     if version < (1, 2, 9):
         return np.array([focal, focal * ratio])
     if version < (1, 2, 11) and ratio != 1:
-        raise FormatError(
-            "file versions 1.2.9 and 1.2.10 are read with square pixels only; save it with a newer Meshroom"
-        )
+        raise FormatError("versions 1.2.9 and 1.2.10 are read with square pixels only; save it with a newer Meshroom")
     return np.array([focal / ratio, focal])
 
 

@@ -110,9 +110,7 @@ def read_colmap(path: AnyPath) -> list[PosedPhoto]:
 def _model_files(path: Path) -> tuple[Path, Path]:
     if path.is_file():
         if path.name not in ("cameras.bin", "images.bin", "cameras.txt", "images.txt"):
-            raise FormatError(
-                f"{path} is not a file of a COLMAP model; name its folder, or cameras.bin, or cameras.txt"
-            )
+            raise FormatError(f"{path} is no file of a COLMAP model; name its folder, or cameras.bin, or cameras.txt")
         return path.with_name(f"cameras{path.suffix}"), path.with_name(f"images{path.suffix}")
     if not path.is_dir():
         raise FileError(f"{path} does not exist; name the folder of a COLMAP model")

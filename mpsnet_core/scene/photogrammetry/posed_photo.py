@@ -246,8 +246,7 @@ def rotation(values: ArrayLike, what: str) -> F64:
     left, _, right = np.linalg.svd(matrix)
     if np.linalg.det(left @ right) < 0:
         raise GeometryError(f"the rotation of {what} is a mirroring; export the cameras again, without mirrored axes")
-    nearest: F64 = left @ right
-    return nearest
+    return left @ right
 
 
 def photogrammetry_camera(
