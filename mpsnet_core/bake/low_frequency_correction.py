@@ -49,19 +49,6 @@ class LowFrequencyCorrection:
         return float(np.degrees(angles.mean())) if len(angles) else 0.0
 
 
-def parse_scale(text: str) -> float:
-    """The scale of the correction from "on", "off" or a number; 0 for none. Raises SettingsError for other text."""
-    if text in ("on", "off"):
-        return LEVEL_SCALE if text == "on" else 0.0
-    try:
-        scale = float(text)
-    except ValueError:
-        scale = 0.0
-    if not MIN_LEVEL_SCALE <= scale <= MAX_LEVEL_SCALE:
-        raise SettingsError(f"--level {text}: give on, off, or a scale from {MIN_LEVEL_SCALE:g} to {MAX_LEVEL_SCALE:g}")
-    return scale
-
-
 @takes_files
 def correct_low_frequencies(
     normals: NormalMap, camera: Camera, mesh: Mesh, scene: RayScene | None = None, *, scale: float = LEVEL_SCALE

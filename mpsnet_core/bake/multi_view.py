@@ -1,10 +1,11 @@
-"""Many views: estimates normals from posed photos onto disk, one photo in memory at a time, ready to be baked."""
+"""The work of ``views``: normals of posed photos on disk, one photo in memory at a time, and their textures."""
 
 import hashlib
 import json
 import logging
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
+from contextlib import nullcontext
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -12,29 +13,67 @@ from pathlib import Path
 import numpy as np
 
 from mpsnet_core.arrays.sizes import check_same_size
+from mpsnet_core.bake.bake import bake_texture_sets
+from mpsnet_core.bake.base_maps import log_shares
 from mpsnet_core.bake.inputs import ViewReader
-from mpsnet_core.bake.projection import View
-from mpsnet_core.bake.view_agreement import Agreement, matched, warn_of_misfit
+from mpsnet_core.bake.operations import BakeViews, ViewsBaked
+from mpsnet_core.bake.projection import FEATHER, View
+from mpsnet_core.bake.report import texture_maps, view_table, write_bake_report
+from mpsnet_core.bake.texture_files import (
+    BakePlan,
+    bake_settings,
+    checked_shares,
+    format_textures,
+    planned,
+    texture_target,
+    write_textures,
+)
+from mpsnet_core.bake.view_agreement import (
+    Agreement,
+    ViewAgreement,
+    agreement,
+    colour_gains,
+    matched,
+    table_rows,
+    warn_of_doubts,
+    warn_of_misfit,
+)
 from mpsnet_core.capture.capture import Capture
 from mpsnet_core.capture.decode import AS_STATED, PhotoReadOptions
 from mpsnet_core.capture.masks import mask_identity
 from mpsnet_core.capture.open import PhotoSet
+from mpsnet_core.capture.operations import ReadsPhotos
 from mpsnet_core.capture.sources import MESH, Source
 from mpsnet_core.errors import FileError
 from mpsnet_core.estimate.albedo import albedo_from_white, read_albedo
 from mpsnet_core.estimate.estimator import Estimator
-from mpsnet_core.io.files import prefix_errors
+from mpsnet_core.estimate.operations import RunsModel
+from mpsnet_core.io.files import (
+    check_no_overwrite,
+    check_own,
+    ensure_folder,
+    prefix_errors,
+    remove_abandoned,
+    temporary_folder,
+    writable_path,
+    write_json,
+    write_transaction,
+)
 from mpsnet_core.io.frames import PhotoFolder
+from mpsnet_core.io.html_page import page_path
 from mpsnet_core.io.image_reading import layer_in, read_size
 from mpsnet_core.io.image_writing import write_image
-from mpsnet_core.io.provenance import fingerprint, is_up_to_date, provenance_line
+from mpsnet_core.io.opening import AnyPath
+from mpsnet_core.io.provenance import fingerprint, is_up_to_date, operation_facts, provenance_line
 from mpsnet_core.progress import Progress, part
 from mpsnet_core.scene.camera import Camera, camera_data
-from mpsnet_core.scene.mesh import Mesh
+from mpsnet_core.scene.mesh import Mesh, join_meshes
 from mpsnet_core.scene.normal_map import NormalMap, read_normals, write_normals
 from mpsnet_core.scene.rays import RayScene
-from mpsnet_core.scene.rig import LightRig
-from mpsnet_core.scene.view_photos import ViewPhoto
+from mpsnet_core.scene.rig import LightRig, read_rig, read_world_lights
+from mpsnet_core.scene.texture import Texture
+from mpsnet_core.scene.texture_sets import TextureSet
+from mpsnet_core.scene.view_photos import ViewPhoto, camera_files, posed_photos
 
 log = logging.getLogger(__name__)
 
@@ -264,3 +303,108 @@ def estimate_views(
             kept.write(capture, estimator(capture, part(step, 0.1, 0.8, named)), source)
         agreed.add(view.name, *stored.both(number))
     return known
+
+
+def bake_views(options: BakeViews, progress: Progress) -> ViewsBaked:
+    """Write the textures, and report and figures if requested."""
+    # Check as much as possible before the long work.
+    baking, level, target = bake_settings(options, FEATHER), options.level_scale(), texture_target(options)
+    inputs, outputs = _checked_files(options, target.output)
+    photography = _photography(options)
+    views = posed_photos(options.cameras, options.photos, layer=options.layer)
+    photos = [photo for view in views for photo in (view.photo, *photography.white_of(view))]
+    check_no_overwrite(photos, outputs)
+    kept_files = [file for view in _cached(options, views, options.keep) for file in view.files] if options.keep else []
+    for file in kept_files:
+        check_own(file)
+    check_no_overwrite([*inputs, *photos, *outputs], kept_files)
+    progress(0.0, "reading the mesh")
+    plan = planned(options, target, [*inputs, *photos, *map(Path, outputs[1:]), *kept_files])
+    mesh = join_meshes(plan.meshes)
+    settings_fingerprint = operation_facts(options, RunsModel, ReadsPhotos, **options.model_facts(options.passes))
+    sources = sources_of(views, photography, mesh, settings_fingerprint)
+    scene = RayScene.of(mesh)
+    estimator = options.estimator(options.passes)
+    with nullcontext(options.keep) if options.keep else temporary_folder() as folder:
+        if options.keep:
+            remove_abandoned(ensure_folder(options.keep, "normals of the views"))
+        reader = ViewReader(level, plan.base_maps.in_photos())
+        kept = _cached(options, views, folder)
+        stored = CachedViews(kept, [view.camera for view in views], mesh, scene, reader)
+        agreed = agreement(mesh, scene, FEATHER)
+        step = part(progress, 0.02, 0.72)
+        known = estimate_views(views, sources, photography, estimator, stored, agreed, progress=step)
+        log_shares(stored.shares)
+        if options.white:
+            stored.gains = colour_gains(agreed.colours)
+        baked = bake_texture_sets(plan.meshes, stored, plan.texture_sets, baking, progress=part(progress, 0.72, 1.0))
+        table = agreed.views(stored.gains.tolist() if options.white else None)
+        warn_of_doubts(table)
+        how = f"levelled at {level:g} of the mesh's size" if level else "not levelled"
+        before = f"; {known} kept from before" if known else ""
+        return _written(
+            options, plan, baked, table, estimator.name, f"{len(views)} view(s) by {estimator.name}, {how}{before}"
+        )
+
+
+def _checked_files(options: BakeViews, output: str) -> tuple[list[Path], list[str]]:
+    """The files that are read, except photos, and those that are written. Raises InputError if one would overwrite
+    another, or its folder cannot be written."""
+    if options.report:
+        page_path(options.report)
+    if options.json:
+        writable_path(options.json)
+    outputs = [file for file in (output, options.report, options.json) if file]
+    mask = None if options.mask == MESH else options.mask
+    inputs = [*camera_files(options.cameras), *options.inputs(options.rig, *options.mesh, options.onto, mask=mask)]
+    check_no_overwrite(inputs, outputs)
+    return inputs, outputs
+
+
+def _photography(options: BakeViews) -> ViewCaptureSettings:
+    if options.lights_in == "world":
+        rig_of = read_world_lights(options.rig).seen_by
+    else:
+        rig = read_rig(options.rig)
+
+        def rig_of(camera: Camera) -> LightRig:
+            return rig
+
+    return ViewCaptureSettings(rig_of, options.mask, options.read_options(), options.white)
+
+
+def _cached(options: BakeViews, views: Sequence[ViewPhoto], folder: AnyPath) -> list[CachedView]:
+    return [CachedView(Path(folder), view.name, bool(options.white)) for view in views]
+
+
+def _written(
+    options: BakeViews,
+    plan: BakePlan,
+    baked: Iterable[tuple[TextureSet, Texture]],
+    table: Sequence[ViewAgreement],
+    model: str,
+    summary: str,
+) -> ViewsBaked:
+    """Write textures, report and figures: all of them or none."""
+    written, maps = [], []
+    with write_transaction():
+        for texture_set, one, texture in write_textures(plan, baked):
+            written.append(one)
+            if options.report:
+                maps += texture_maps(texture, texture_set.named)
+            del texture
+        text = format_textures(options, plan.target, written)
+        result = ViewsBaked(
+            plan.target.output,
+            written,
+            *checked_shares(options, written),
+            table_rows(table),
+            options.level_scale(),
+            model,
+            text="\n".join([view_table(table), summary, text]),
+        )
+        if options.report:
+            write_bake_report(options.report, Path(plan.target.output).name, maps, table, [text, summary])
+        if options.json:
+            write_json(options.json, result.metrics("views", "seen", "filled", "level", "model"))
+    return result

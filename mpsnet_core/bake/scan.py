@@ -53,6 +53,7 @@ class Scan(TakesMesh, RunsModel, ReadsPhotos):
     def run(self, progress: Progress = silent) -> Scanned:
         """Write the four files, each as soon as it is made."""
         from mpsnet_core.bake.operations import Bake
+        from mpsnet_core.bake.texture_files import bake_settings
         from mpsnet_core.io.files import check_no_overwrite, ensure_folder
         from mpsnet_core.io.frames import results_folder
 
@@ -63,7 +64,7 @@ class Scan(TakesMesh, RunsModel, ReadsPhotos):
         check_no_overwrite([Path(self.image), *self.inputs(self.mesh, mask=self.mask)], files)
         camera, overlay, rig, normals, texture = files
         bake = Bake(**self._shared(Bake), view=(f"{camera}={normals}",), output=texture)
-        bake.baking(0.0)  # a size or a mesh that cannot be baked is told before the search
+        bake_settings(bake, 0.0)  # a size or a mesh that cannot be baked is told before the search
         self.read_mesh(self.mesh)
         ensure_folder(folder, "results")
         place: dict[str, Any] = {"camera": camera}
