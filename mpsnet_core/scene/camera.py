@@ -202,7 +202,8 @@ def camera_for(camera: Camera | float | None, width: int, height: int, remedy: s
     # Whoever scales a photo rounds its shorter side to whole pixels.
     longer = max(width, height) / max(camera.width, camera.height)
     if max(abs(camera.width * longer - width), abs(camera.height * longer - height)) > 1:
-        raise GeometryError(f"the camera is {camera.width} x {camera.height}, the photo {width} x {height}; {remedy}")
+        sizes = f"{camera.width} x {camera.height} but the photo is {width} x {height}"
+        raise GeometryError(f"the camera is {sizes}; {remedy}")
     log.info(
         "the camera is for %d x %d pixels and the photo has %d x %d: the camera is scaled; if the photo was cropped "
         "instead, give its own camera",

@@ -190,7 +190,7 @@ test_bad_colours_get_one_clear_sentence = gets_one_clear_sentence(
                     for colours in (None, np.ones((16, 16, 3), np.float32))
                 ],
             ),
-            "some views have colours and others none; give colours for all of them, or for none",
+            "some views have colours and others none; give all of them colours, or none",
         ),
     ]
 )

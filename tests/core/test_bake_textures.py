@@ -183,7 +183,7 @@ def test_each_wrong_present_map_gets_one_sentence(bench: Bench) -> None:
         )
     ):
         (bench / f"{number}.json").write_text(text)
-    needs = 'each of its "maps" has a "file"'
+    needs = 'each of its "maps" has texts: "file"'
     for given, output, said in [
         ("m.<UDIM>.png", "s.png", "has <UDIM>, but the textures are not split that way"),
         ("x.<UDIM>.png", "s.<UDIM>.png", "there is no existing map for any of the textures; check the path"),

@@ -84,7 +84,7 @@ def test_in_16_bits_all_tiles_have_one_scale(one: np.ndarray, capsys: pytest.Cap
     ("texture", "height", "words"),
     [
         ("b_<UDIM>.exr", "h.exr", "b_<UDIM>.exr means a file for each UDIM tile, and h.exr one for all"),
-        ("b_1001.exr", "h_<UDIM>.exr", "put <UDIM> into both names"),
+        ("b_1001.exr", "h_<UDIM>.exr", "put <UDIM> into both"),
         ("c_<UDIM>.exr", "h_<UDIM>.exr", "c_1001.exr does not exist"),
         ("b_<UDIM>.exr", "b_<UDIM>.exr", "would overwrite b_1001.exr"),
         ("b_<UDIM>.exr", "no/h_<UDIM>.exr", "the folder no does not exist"),

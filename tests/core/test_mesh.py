@@ -803,7 +803,7 @@ def short_glb(b: Bench) -> Path:
 
 test_a_bad_mesh_gets_one_clear_sentence = gets_one_clear_sentence(
     [
-        (lambda b: read_mesh(b.text("m.obj", "v 0 0 0\nvt 0 0\nf" + " 1/1" * 100_000)), "m.obj: line 3 is a face of"),
+        (lambda b: read_mesh(b.text("m.obj", "v 0 0 0\nvt 0 0\nf" + " 1/1" * 100_000)), "m.obj: line 3: a face of"),
         (
             "a GLB whose faces name vertices that it lacks",
             lambda b: read_mesh(b.replaced(glb(b / "m.glb", normals=True), b"\2\0\0\0\3\0\0\0", b"\2\0\0\0\3\0\0\1")),

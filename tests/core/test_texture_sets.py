@@ -124,7 +124,7 @@ def test_names_without_anything_between_may_meet() -> None:
     ("changes", "said"),
     [
         ({"materials": np.array(["a", "a"])}, "two labels have the same name"),
-        ({"triangle_material": np.array([0, 0, 0, 5])}, "numbered up to 5, but have 2 names"),
+        ({"triangle_material": np.array([0, 0, 0, 5])}, "numbered up to 5, of 2 names"),
         ({"triangle_material": None}, 'only one of "materials" and "triangle_material"'),
     ],
 )

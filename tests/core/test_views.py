@@ -470,9 +470,7 @@ PLACES = [{"position": place} for place in (5 * published_rig().directions).toli
 def test_an_lp_file_holds_no_lights_in_the_world(tmp_path: Path) -> None:
     lines = [f"photo{number}.jpg 0.1 0.2 0.9{number}" for number in range(3)]
     (tmp_path / "lights.LP").write_text("\n".join(["3", *lines]))
-    with pytest.raises(
-        InputError, match=r"lights.LP: the lights of an .lp file are relative to the camera; .* rig .json"
-    ):
+    with pytest.raises(InputError, match=r"lights.LP: an .lp file's lights are relative to the camera; .* .json"):
         read_world_lights(tmp_path / "lights.LP")
 
 
@@ -592,7 +590,7 @@ def test_a_raw_file_is_meant_where_there_is_a_jpeg_beside_it(tmp_path: Path) -> 
 
 def test_what_cannot_be_baked_is_reported_before_anything_is_estimated(table: Table) -> None:
     for arguments, said in (
-        (("--size", "0"), "a texture of 0 texels cannot be baked"),
+        (("--size", "0"), "a texture has no side of 0 texels"),
         (("--json", table / "cameras" / "side1.camera.json"), "would overwrite .*side1.camera.json"),
     ):
         with pytest.raises(InputError, match=said):
