@@ -3,21 +3,14 @@
 from functools import lru_cache
 from pathlib import Path
 
+from mpsnet_core.bake import texture_files
 from mpsnet_core.bake.bake import bake_texture_sets
 from mpsnet_core.bake.base_maps import blend_detail, one_base_map
 from mpsnet_core.bake.inputs import BakeInputs, ViewInputs, ViewReader, frame_inputs
 from mpsnet_core.bake.operations import Bake, FramesBaked, TexturesBaked
 from mpsnet_core.bake.projection import FEATHER
 from mpsnet_core.bake.settings import BakeSettings
-from mpsnet_core.bake.texture_files import (
-    TextureTarget,
-    bake_settings,
-    checked_shares,
-    format_textures,
-    planned,
-    texture_target,
-    write_textures,
-)
+from mpsnet_core.bake.texture_files import TextureTarget
 from mpsnet_core.bake.view_agreement import matched_views
 from mpsnet_core.batch import Batch
 from mpsnet_core.errors import SettingsError
@@ -43,11 +36,11 @@ def bake_maps(options: Bake, progress: Progress) -> TexturesBaked | FramesBaked:
     views = list(map(_camera_and_normals, options.view))
     sequence = any(is_folder_or_pattern(normals) for _, normals in views)
     # Levelled views agree in their low frequencies: feathering leaves no seam.
-    baking = bake_settings(options, FEATHER if options.level_scale() else 0.0)
+    baking = texture_files.bake_settings(options, FEATHER if options.level_scale() else 0.0)
     for what, files, none in (("confidence maps", options.confidence, ""), ("albedos", options.albedo, ", or none")):
         if files and len(files) != len(views):
             raise SettingsError(f"there are {len(views)} views but {len(files)} {what}; give one a view{none}")
-    target = texture_target(options, sequence=sequence)
+    target = texture_files.texture_target(options, sequence=sequence)
     return (_bake_frames if sequence else _bake_pose)(options, views, target, baking, progress)
 
 
@@ -72,16 +65,16 @@ def _bake_pose(
     ]
     progress(0.0, "reading the mesh")
     files = BakeInputs(tuple(map(Path, options.mesh)), tuple(inputs)).files
-    plan = planned(options, target, [*files, *_onto_files(options)])
+    plan = texture_files.planned(options, target, [*files, *_onto_files(options)])
     reader = ViewReader(options.level_scale(), plan.base_maps.in_photos(), options.normals_convention)
     seen, _ = reader.read(inputs, plan.meshes, part(progress, 0.05, 0.15))
     if options.albedo and len(seen) > 1:
         seen = matched_views(seen, plan.meshes, baking.feather)
     baked = bake_texture_sets(plan.meshes, seen, plan.texture_sets, baking, progress=part(progress, 0.15, 1.0))
     with write_transaction():
-        written = [one for _, one, _ in write_textures(plan, baked)]
-        shares = checked_shares(options, written)
-    return TexturesBaked(target.output, written, *shares, text=format_textures(options, target, written))
+        written = [one for _, one, _ in texture_files.write_textures(plan, baked)]
+        shares = texture_files.checked_shares(options, written)
+    return TexturesBaked(target.output, written, *shares, text=texture_files.format_textures(options, target, written))
 
 
 def _onto_files(options: Bake) -> list[Path]:

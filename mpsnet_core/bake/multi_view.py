@@ -13,31 +13,13 @@ from pathlib import Path
 import numpy as np
 
 from mpsnet_core.arrays.sizes import check_same_size
+from mpsnet_core.bake import texture_files, view_agreement
 from mpsnet_core.bake.bake import bake_texture_sets
 from mpsnet_core.bake.base_maps import log_shares
 from mpsnet_core.bake.inputs import ViewReader
 from mpsnet_core.bake.operations import BakeViews, ViewsBaked
 from mpsnet_core.bake.projection import FEATHER, View
 from mpsnet_core.bake.report import texture_maps, view_table, write_bake_report
-from mpsnet_core.bake.texture_files import (
-    BakePlan,
-    bake_settings,
-    checked_shares,
-    format_textures,
-    planned,
-    texture_target,
-    write_textures,
-)
-from mpsnet_core.bake.view_agreement import (
-    Agreement,
-    ViewAgreement,
-    agreement,
-    colour_gains,
-    matched,
-    table_rows,
-    warn_of_doubts,
-    warn_of_misfit,
-)
 from mpsnet_core.capture.capture import Capture
 from mpsnet_core.capture.decode import AS_STATED, PhotoReadOptions
 from mpsnet_core.capture.masks import mask_identity
@@ -261,13 +243,13 @@ class CachedViews(Sequence[View]):
         return len(self.kept)
 
     def __getitem__(self, number: int) -> View:  # type: ignore[override]  # nothing takes slices
-        return matched(self.both(number)[1], self.gains[number])
+        return view_agreement.matched(self.both(number)[1], self.gains[number])
 
     def both(self, number: int) -> tuple[View, View, float]:
         """A view as estimated, the same view levelled (unchanged without levelling), and the mean angle in degrees."""
         view, known = self.kept[number].read(self.cameras[number]), self._shares.get(number)
         if known is None:
-            warn_of_misfit(self.kept[number].name, view, self.mesh, self.scene)
+            view_agreement.warn_of_misfit(self.kept[number].name, view, self.mesh, self.scene)
         estimated, levelled, angle, found = self.reader.prepared(view, self.mesh, self.scene, known)
         self._shares[number] = found
         return estimated, levelled, angle
@@ -279,7 +261,7 @@ def estimate_views(
     photography: ViewCaptureSettings,
     estimator: Estimator,
     stored: CachedViews,
-    agreed: Agreement,
+    agreed: view_agreement.Agreement,
     *,
     progress: Progress,
 ) -> int:
@@ -308,7 +290,8 @@ def estimate_views(
 def bake_views(options: BakeViews, progress: Progress) -> ViewsBaked:
     """Write the textures, and report and figures if requested."""
     # Check as much as possible before the long work.
-    baking, level, target = bake_settings(options, FEATHER), options.level_scale(), texture_target(options)
+    baking, level = texture_files.bake_settings(options, FEATHER), options.level_scale()
+    target = texture_files.texture_target(options)
     inputs, outputs = _checked_files(options, target.output)
     photography = _photography(options)
     views = posed_photos(options.cameras, options.photos, layer=options.layer)
@@ -319,7 +302,7 @@ def bake_views(options: BakeViews, progress: Progress) -> ViewsBaked:
         check_own(file)
     check_no_overwrite([*inputs, *photos, *outputs], kept_files)
     progress(0.0, "reading the mesh")
-    plan = planned(options, target, [*inputs, *photos, *map(Path, outputs[1:]), *kept_files])
+    plan = texture_files.planned(options, target, [*inputs, *photos, *map(Path, outputs[1:]), *kept_files])
     mesh = join_meshes(plan.meshes)
     settings_fingerprint = operation_facts(options, RunsModel, ReadsPhotos, **options.model_facts(options.passes))
     sources = sources_of(views, photography, mesh, settings_fingerprint)
@@ -331,15 +314,15 @@ def bake_views(options: BakeViews, progress: Progress) -> ViewsBaked:
         reader = ViewReader(level, plan.base_maps.in_photos())
         kept = _cached(options, views, folder)
         stored = CachedViews(kept, [view.camera for view in views], mesh, scene, reader)
-        agreed = agreement(mesh, scene, FEATHER)
+        agreed = view_agreement.agreement(mesh, scene, FEATHER)
         step = part(progress, 0.02, 0.72)
         known = estimate_views(views, sources, photography, estimator, stored, agreed, progress=step)
         log_shares(stored.shares)
         if options.white:
-            stored.gains = colour_gains(agreed.colours)
+            stored.gains = view_agreement.colour_gains(agreed.colours)
         baked = bake_texture_sets(plan.meshes, stored, plan.texture_sets, baking, progress=part(progress, 0.72, 1.0))
         table = agreed.views(stored.gains.tolist() if options.white else None)
-        warn_of_doubts(table)
+        view_agreement.warn_of_doubts(table)
         how = f"levelled at {level:g} of the mesh's size" if level else "not levelled"
         before = f"; {known} kept from before" if known else ""
         return _written(
@@ -379,26 +362,26 @@ def _cached(options: BakeViews, views: Sequence[ViewPhoto], folder: AnyPath) -> 
 
 def _written(
     options: BakeViews,
-    plan: BakePlan,
+    plan: texture_files.BakePlan,
     baked: Iterable[tuple[TextureSet, Texture]],
-    table: Sequence[ViewAgreement],
+    table: Sequence[view_agreement.ViewAgreement],
     model: str,
     summary: str,
 ) -> ViewsBaked:
     """Write textures, report and figures: all of them or none."""
     written, maps = [], []
     with write_transaction():
-        for texture_set, one, texture in write_textures(plan, baked):
+        for texture_set, one, texture in texture_files.write_textures(plan, baked):
             written.append(one)
             if options.report:
                 maps += texture_maps(texture, texture_set.named)
             del texture
-        text = format_textures(options, plan.target, written)
+        text = texture_files.format_textures(options, plan.target, written)
         result = ViewsBaked(
             plan.target.output,
             written,
-            *checked_shares(options, written),
-            table_rows(table),
+            *texture_files.checked_shares(options, written),
+            view_agreement.table_rows(table),
             options.level_scale(),
             model,
             text="\n".join([view_table(table), summary, text]),

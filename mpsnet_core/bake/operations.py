@@ -5,18 +5,9 @@ from dataclasses import dataclass
 from pkgutil import resolve_name
 from typing import Any, ClassVar, Literal
 
+from mpsnet_core import defaults
 from mpsnet_core.bake.presets import PRESETS, check_preset
 from mpsnet_core.capture.operations import ReadsPhotos
-from mpsnet_core.defaults import (
-    CONVENTIONS,
-    LEVEL_SCALE,
-    MARGIN,
-    MAX_LEVEL_SCALE,
-    MAX_STRENGTH,
-    MAX_TEXTURE_SIZE,
-    MIN_LEVEL_SCALE,
-    TEXTURE_SIZE,
-)
 from mpsnet_core.errors import SettingsError
 from mpsnet_core.estimate.operations import RunsModel
 from mpsnet_core.operation import Result, option
@@ -25,7 +16,7 @@ from mpsnet_core.scene.operations import TakesMesh
 
 LEVEL = (
     "take large shapes from the mesh, and from the photos only detail smaller than about twice SCALE (a "
-    f"fraction of the mesh's size; on means {LEVEL_SCALE:g})"
+    f"fraction of the mesh's size; on means {defaults.LEVEL_SCALE:g})"
 )
 
 
@@ -40,7 +31,10 @@ class MakesTextures(TakesMesh):
         provenance="none",  # recorded per texture
     )
     size: str = option(
-        default=f"{TEXTURE_SIZE}", metavar="SIDE|WIDTHxHEIGHT", help="the texture's pixels", numbers=True
+        default=f"{defaults.TEXTURE_SIZE}",
+        metavar="SIDE|WIDTHxHEIGHT",
+        help="size of the texture in pixels",
+        numbers=True,
     )
     space: Literal["tangent", "object"] = option(
         default="tangent",
@@ -52,7 +46,7 @@ class MakesTextures(TakesMesh):
     )
     convention: Literal["opengl", "directx"] | None = option(
         default=None,
-        choices=CONVENTIONS,
+        choices=defaults.CONVENTIONS,
         help="which way the texture's green channel points",
         unset="opengl, or the preset's",
         provenance="none",  # its value with the preset is recorded
@@ -79,9 +73,9 @@ class MakesTextures(TakesMesh):
     margin: int | None = option(
         default=None,
         low=0,
-        high=MAX_TEXTURE_SIZE,
+        high=defaults.MAX_TEXTURE_SIZE,
         help="pixels by which the texture extends beyond the UV islands",
-        unset=f"{MARGIN}",
+        unset=f"{defaults.MARGIN}",
     )
     bits: int | None = option(
         default=None,
@@ -131,7 +125,7 @@ class BakesDetail(MakesTextures):
     strength: float = option(
         default=1.0,
         low=0,
-        high=MAX_STRENGTH,
+        high=defaults.MAX_STRENGTH,
         help="fraction of the photos' relief that is added to the object's own surface: 1 as it is, 0 none",
     )
     fill: bool = option(
@@ -161,7 +155,7 @@ class BakesDetail(MakesTextures):
         provenance="files",
     )
     onto_convention: Literal["opengl", "directx"] = option(
-        default="opengl", choices=CONVENTIONS, help="which way the green channel of the existing map points"
+        default="opengl", choices=defaults.CONVENTIONS, help="which way the green channel of the existing map points"
     )
     onto_shown: Literal["auto", "yes", "no"] = option(
         default="auto",
@@ -178,13 +172,13 @@ class BakesDetail(MakesTextures):
         # The photo shows the base map's large shapes, too; they must not be added to it again.
         text = str(self.level or ("on" if self.onto else "off"))
         if text in ("on", "off"):
-            return LEVEL_SCALE if text == "on" else 0.0
+            return defaults.LEVEL_SCALE if text == "on" else 0.0
         try:
             scale = float(text)
         except ValueError:
             scale = 0.0
-        if not MIN_LEVEL_SCALE <= scale <= MAX_LEVEL_SCALE:
-            known = f"on, off, or a scale from {MIN_LEVEL_SCALE:g} to {MAX_LEVEL_SCALE:g}"
+        if not defaults.MIN_LEVEL_SCALE <= scale <= defaults.MAX_LEVEL_SCALE:
+            known = f"on, off, or a scale from {defaults.MIN_LEVEL_SCALE:g} to {defaults.MAX_LEVEL_SCALE:g}"
             raise SettingsError(f"--level {text} is not known; give {known}")
         return scale
 
@@ -270,7 +264,7 @@ class Bake(BakesDetail):
     )
     normals_convention: Literal["opengl", "directx"] = option(
         default="opengl",
-        choices=CONVENTIONS,
+        choices=defaults.CONVENTIONS,
         help="which way the green channel of the normal maps that are read points",
     )
     confidence: tuple[str, ...] = option(

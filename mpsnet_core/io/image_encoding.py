@@ -142,8 +142,7 @@ def _stated_encoding(path: Path, spec: Any) -> tuple[Curve, Assumed | None]:
         curve = None if linear or profile is None else profile_curve(profile.tobytes())
         if profile is not None and curve is None and not linear:
             log.warning(
-                "%s has a colour profile of tables, without curves, which is not applied; convert it to sRGB",
-                path,
+                f"{path} has a colour profile of tables, without curves, which is not applied; convert it to sRGB"
             )
         if profile is None and image_attribute(spec, STATES_TABLE, int) == 1:
             log.warning(

@@ -4,24 +4,8 @@ from dataclasses import dataclass
 from pkgutil import resolve_name
 from typing import ClassVar, Literal
 
+from mpsnet_core import defaults
 from mpsnet_core.capture.operations import HasLens, HasViewpoint, ReadsPhotos
-from mpsnet_core.defaults import (
-    BEND,
-    BY_PHOTO,
-    CONVENTIONS,
-    CURVATURE_RADIUS,
-    FACES,
-    MARGIN,
-    MAX_BEND,
-    MAX_BUMPS,
-    MAX_FACES,
-    MAX_MATERIAL_SIZE,
-    MAX_OVERLAP,
-    MAX_TEXTURE_SIZE,
-    MIN_MATERIAL_SIZE,
-    MIN_OVERLAP,
-    OVERLAP,
-)
 from mpsnet_core.errors import SettingsError
 from mpsnet_core.estimate.operations import RunsModel
 from mpsnet_core.operation import Operation, Result, option, settings
@@ -82,9 +66,9 @@ class MakesProducts(Operation):
         provenance="none",
     )
     faces: int = option(
-        default=FACES,
+        default=defaults.FACES,
         low=1,
-        high=MAX_FACES,
+        high=defaults.MAX_FACES,
         help="how many faces the mesh may have at most; they are smaller where the surface bends",
     )
     open: float | None = option(
@@ -102,7 +86,7 @@ class MakesProducts(Operation):
         default=None, metavar="FILE", help="curvature map: edges are bright, creases dark", provenance="none"
     )
     curvature_radius: int = option(
-        default=CURVATURE_RADIUS, metavar="PIXELS", help="the broadest shapes that the curvature map shows"
+        default=defaults.CURVATURE_RADIUS, metavar="PIXELS", help="the broadest shapes that the curvature map shows"
     )
     curvature_range: float | None = option(
         default=None,
@@ -160,13 +144,16 @@ class DisplacesMesh(Operation):
     scale: float = option(
         default=0.0,
         low=0,
-        high=MAX_BUMPS,
+        high=defaults.MAX_BUMPS,
         help="broadest bumps that heights on UVs keep, as a fraction of the object's size: broader shapes are "
         "left to the mesh, because estimated normals err most there. 0 keeps all",
     )
     mean: float | None = option(default=None, help="mean of the heights", unset="the surface stays where it is")
     margin: int = option(
-        default=MARGIN, low=0, high=MAX_TEXTURE_SIZE, help="pixels by which the heights extend beyond the UV islands"
+        default=defaults.MARGIN,
+        low=0,
+        high=defaults.MAX_TEXTURE_SIZE,
+        help="pixels by which the heights extend beyond the UV islands",
     )
 
 
@@ -182,7 +169,7 @@ class Integrate(DisplacesMesh, MakesProducts, HasScale):
         provenance="files",
     )
     convention: Literal["opengl", "directx"] = option(
-        default="opengl", choices=CONVENTIONS, help="which way the green channel of the normal map points"
+        default="opengl", choices=defaults.CONVENTIONS, help="which way the green channel of the normal map points"
     )
     method: Literal["fast", "bilateral"] = option(
         default="fast",
@@ -246,7 +233,7 @@ class MakeMaterial(MeasuresPhoto, RunsModel, HasViewpoint, ReadsPhotos):
     )
     rig: str = option(help="rig file (.json, or .lp with three lights)", provenance="content")
     model: str = option(
-        default=BY_PHOTO,
+        default=defaults.BY_PHOTO,
         help="model that estimates the normals, by name or as an .onnx file; auto: lambertian-grey-world where the "
         "photo shows a matt material, the default network where it shows a glossy one",
     )
@@ -255,27 +242,27 @@ class MakeMaterial(MeasuresPhoto, RunsModel, HasViewpoint, ReadsPhotos):
     )
     size: int | None = option(
         default=None,
-        low=MIN_MATERIAL_SIZE,
-        high=MAX_MATERIAL_SIZE,
+        low=defaults.MIN_MATERIAL_SIZE,
+        high=defaults.MAX_MATERIAL_SIZE,
         help="width and height of the textures in pixels",
         unset="the photo's own resolution",
     )
     overlap: float = option(
-        default=OVERLAP,
-        low=MIN_OVERLAP,
-        high=MAX_OVERLAP,
+        default=defaults.OVERLAP,
+        low=defaults.MIN_OVERLAP,
+        high=defaults.MAX_OVERLAP,
         help="fraction of the tile over which its borders blend: more hides the seam better but leaves a smaller tile",
     )
     bend: int = option(
-        default=BEND,
+        default=defaults.BEND,
         low=0,
-        high=MAX_BEND,
+        high=defaults.MAX_BEND,
         help="how many half waves across the photo to remove as bends of the material and uneven light. 0: "
         "only the tilt of the photo",
     )
     grey: bool = option(default=False, help="make the albedo grey, for lights of unknown strengths")
     convention: Literal["opengl", "directx"] = option(
-        default="opengl", choices=CONVENTIONS, help="which way the green channel of the normals points"
+        default="opengl", choices=defaults.CONVENTIONS, help="which way the green channel of the normals points"
     )
     name: str | None = option(default=None, help="prefix of the file names", unset="the photo's name")
     output: str = option(metavar="FOLDER", help="folder for the textures", path="folder", provenance="none")

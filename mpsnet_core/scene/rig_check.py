@@ -11,15 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mpsnet_core.arrays.orientation import (
-    MIN_CELLS,
-    TURNS,
-    Outline,
-    blocks_of,
-    is_round,
-    orientation_measures,
-    probabilities,
-)
+from mpsnet_core.arrays import orientation
 from mpsnet_core.arrays.types import F64, Bools, Floats
 from mpsnet_core.arrays.unit_vectors import dot, normalised
 from mpsnet_core.io.image import CHANNELS
@@ -106,7 +98,7 @@ def check_rig(pixels: Floats, mask: Bools, rig: LightRig) -> RigFit:
         What is wrong with the rig is stated only if it is certain. Flat objects, and those that fill the photo, often
         leave it open.
     """
-    blocks = blocks_of(pixels, mask)
+    blocks = orientation.blocks_of(pixels, mask)
     if blocks is None:
         return RigFit()
     light = np.maximum(rig.unmixed(blocks.values), 0).astype(np.float64)
@@ -117,7 +109,7 @@ def check_rig(pixels: Floats, mask: Bools, rig: LightRig) -> RigFit:
 
 def _fit_of(candidates: list[_Candidate]) -> RigFit:
     """The fit of the first candidate, the rig itself, among all."""
-    shares = probabilities(np.array([one.measures for one in candidates]))
+    shares = orientation.probabilities(np.array([one.measures for one in candidates]))
     lights = np.array([one.lights for one in candidates])
     best = int(shares.argmax())
 
@@ -135,7 +127,7 @@ def _fit_of(candidates: list[_Candidate]) -> RigFit:
     known = shares[right | turned].sum()
     if stated >= WRONG or known <= SURE or from_best[0] < MIN_DIFFERENCE or not candidates[best].measures[1]:
         return RigFit(stated)
-    if not is_round(candidates[best].measures):
+    if not orientation.is_round(candidates[best].measures):
         if from_turned[0] < MIN_DIFFERENCE:
             return RigFit(stated)
         right |= turned
@@ -170,17 +162,19 @@ def _order_words(order: tuple[int, ...]) -> str:
     return f"the red, green and blue channels show the rig's {first}, {second} and {third} lights"
 
 
-def _candidates(light: F64, lit: Bools, outline: Outline, rig: LightRig, order: tuple[int, ...]) -> list[_Candidate]:
+def _candidates(
+    light: F64, lit: Bools, outline: orientation.Outline, rig: LightRig, order: tuple[int, ...]
+) -> list[_Candidate]:
     """The candidates of one order. Their normals are the same, turned.
 
     light: (H, W, 3) unmixed means of blocks, not below 0. lit: (H, W) those that all lights reach.
     """
     lights = rig.directions[list(order)]
     bright = light[lit]
-    strengths = equal_albedo(bright[::3], lights) if len(bright) >= MIN_CELLS else np.ones(3)
+    strengths = equal_albedo(bright[::3], lights) if len(bright) >= orientation.MIN_CELLS else np.ones(3)
     normals = normalised(light * strengths @ np.linalg.inv(lights).T)
-    measures = orientation_measures(normals, lit, outline)
-    turned = [np.concatenate([lights[:, :2] @ turn.T, lights[:, 2:]], axis=1) for turn in TURNS]
+    measures = orientation.orientation_measures(normals, lit, outline)
+    turned = [np.concatenate([lights[:, :2] @ turn.T, lights[:, 2:]], axis=1) for turn in orientation.TURNS]
     return [_Candidate(order, turn, *both) for turn, both in enumerate(zip(turned, measures, strict=True))]
 
 

@@ -4,31 +4,16 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from mpsnet_core import defaults
 from mpsnet_core.arrays.types import F32, Bools
 from mpsnet_core.capture.capture import Capture
-from mpsnet_core.defaults import (
-    BEND,
-    CURVATURE_RADIUS,
-    MAX_BEND,
-    MAX_MATERIAL_SIZE,
-    MAX_OVERLAP,
-    MIN_MATERIAL_SIZE,
-    MIN_OVERLAP,
-    OVERLAP,
-)
+from mpsnet_core.defaults import MAX_MATERIAL_SIZE, MAX_OVERLAP, MIN_MATERIAL_SIZE, MIN_OVERLAP
 from mpsnet_core.errors import GeometryError, SettingsError
 from mpsnet_core.io.from_files import takes_files
 from mpsnet_core.progress import Progress, silent
 from mpsnet_core.relief.curvature import curvature
 from mpsnet_core.relief.height_map import check_size
-from mpsnet_core.relief.material.flatten import (
-    estimated_albedo,
-    flatten_albedo,
-    flatten_normals,
-    normals_of,
-    periodic_height,
-    remove_low_frequencies,
-)
+from mpsnet_core.relief.material import flatten
 from mpsnet_core.relief.material.tiling import (
     MIN_JOINED,
     Seam,
@@ -76,8 +61,8 @@ def flat_material(
     pixel_mm: float,
     *,
     size: int | None = None,
-    overlap: float = OVERLAP,
-    bend: int = BEND,
+    overlap: float = defaults.OVERLAP,
+    bend: int = defaults.BEND,
     grey: bool = False,
     progress: Progress = silent,
 ) -> Material:
@@ -129,18 +114,18 @@ def flat_material(
     features = sampled(features, tiling, tile, joined)  # frees those of the whole photo, which are large
     features, cut = make_seamless(features, joined)
     progress(0.7, "integrating the height")
-    return _material(remove_low_frequencies(features, bend), cut, tiling, tilt, pixel_mm)
+    return _material(flatten.remove_low_frequencies(features, bend), cut, tiling, tilt, pixel_mm)
 
 
 def _material(pictures: F32, cut: Bools, tiling: Tiling, tilt: float, pixel_mm: float) -> Material:
     """The material from (h, w, 5) features of the tile: gradients and the albedo's logarithm."""
     gradients = pictures[..., :2] - pictures[..., :2].mean(axis=(0, 1))
-    normals = normals_of(gradients)
+    normals = flatten.normals_of(gradients)
     width_mm, height_mm = (float(np.linalg.norm(step)) * pixel_mm for step in (tiling.right, tiling.down))
     pitch = width_mm / cut.shape[1], height_mm / cut.shape[0]
     return Material(
         normals,
-        periodic_height(gradients, pitch),
+        flatten.periodic_height(gradients, pitch),
         _repeated_curvature(normals, pitch),
         _within_range(np.exp(pictures[..., 2:])),
         width_mm,
@@ -159,8 +144,8 @@ def check_material(size: int | None, overlap: float, bend: int) -> None:
         raise SettingsError(f"borders overlap by {MIN_OVERLAP:g} to {MAX_OVERLAP:g} of the tile, not {overlap:g}")
     if size is not None:
         _check_overlap(round(overlap * size), overlap)
-    if not 0 <= bend <= MAX_BEND:
-        raise SettingsError(f"a bend of {bend} half waves cannot be taken out; choose 0 to {MAX_BEND}")
+    if not 0 <= bend <= defaults.MAX_BEND:
+        raise SettingsError(f"a bend of {bend} half waves cannot be taken out; choose 0 to {defaults.MAX_BEND}")
 
 
 def _check_overlap(pixels: int, overlap: float) -> None:
@@ -212,9 +197,9 @@ def crop_to_filled_part(capture: Capture, crop: tuple[int, int, int, int] | None
 def _flatten(capture: Capture, normals: NormalMap, bend: int, grey: bool, progress: Progress) -> tuple[F32, float]:
     """(H, W, 5) gradients along columns and rows and the albedo's logarithm, and the tilt that was removed."""
     progress(0.0, "laying the material flat")
-    gradients, tilt = flatten_normals(normals.vectors, bend)
+    gradients, tilt = flatten.flatten_normals(normals.vectors, bend)
     progress(0.15, "estimating the albedo")
-    albedo = flatten_albedo(estimated_albedo(capture, normals_of(gradients), grey=grey), bend)
+    albedo = flatten.flatten_albedo(flatten.estimated_albedo(capture, flatten.normals_of(gradients), grey=grey), bend)
     return np.concatenate([gradients, np.log(albedo)], axis=-1), tilt
 
 
@@ -234,7 +219,7 @@ def _tile_size(tiling: Tiling, size: int | None) -> tuple[int, int]:
 
 def _repeated_curvature(normals: F32, pitch: tuple[float, float]) -> F32:
     """(H, W) the curvature of a periodic tile, computed with enough repetition around it."""
-    around = CURVATURE_RADIUS + 1
+    around = defaults.CURVATURE_RADIUS + 1
     vectors = np.pad(normals, ((around, around), (around, around), (0, 0)), mode="wrap")
     shape = vectors.shape[:2]
     found = curvature(NormalMap(vectors, np.ones(shape, bool)), _camera(shape, pitch))
