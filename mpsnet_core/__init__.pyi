@@ -86,10 +86,10 @@ from mpsnet_core.scene.normal_map import read_normals as read_normals
 from mpsnet_core.scene.normal_map import write_normals as write_normals
 from mpsnet_core.scene.operations import CompareNormals as CompareNormals
 from mpsnet_core.scene.operations import WriteCameras as WriteCameras
-from mpsnet_core.scene.photogrammetry import Lens as Lens
-from mpsnet_core.scene.photogrammetry import PosedPhoto as PosedPhoto
 from mpsnet_core.scene.photogrammetry import read_cameras as read_cameras
-from mpsnet_core.scene.photogrammetry import undistorted as undistorted
+from mpsnet_core.scene.photogrammetry.posed_photo import Lens as Lens
+from mpsnet_core.scene.photogrammetry.posed_photo import PosedPhoto as PosedPhoto
+from mpsnet_core.scene.photogrammetry.posed_photo import undistorted as undistorted
 from mpsnet_core.scene.rays import depth_of_mesh as depth_of_mesh
 from mpsnet_core.scene.rig import LightRig as LightRig
 from mpsnet_core.scene.rig import NearLights as NearLights

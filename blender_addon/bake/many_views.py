@@ -102,8 +102,7 @@ class MPS_OT_bake_views(BakeOperator, ViewsSettings, bpy.types.Operator):
                 raise SettingsError("where are the photos of these cameras? Choose their folder")
             return bpy.path.abspath(self.cameras), bpy.path.abspath(self.photos)
         load_openimageio()  # not needed at Blender's start
-        from mpsnet_core.scene.photogrammetry import PosedPhoto, as_displayed
-        from mpsnet_core.scene.photogrammetry.posed_photo import Lens
+        from mpsnet_core.scene.photogrammetry.posed_photo import Lens, PosedPhoto, as_displayed
 
         views, found = [], _with_photos(scene)
         names = [obj.name for obj, _ in found]

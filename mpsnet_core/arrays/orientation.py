@@ -18,19 +18,8 @@ from mpsnet_core.arrays.unit_vectors import dot
 
 # (8, 2, 2) what x and y may be turned by: nothing, mirrored in x, in y, turned by 180°, by 90° counter-clockwise and
 # clockwise, exchanged, exchanged and reversed.
-TURNS = np.array(
-    [
-        [[1, 0], [0, 1]],
-        [[-1, 0], [0, 1]],
-        [[1, 0], [0, -1]],
-        [[-1, 0], [0, -1]],
-        [[0, -1], [1, 0]],
-        [[0, 1], [-1, 0]],
-        [[0, 1], [1, 0]],
-        [[0, -1], [-1, 0]],
-    ],
-    np.float64,
-)
+_ALONG, _ACROSS = [[1, 0, 0, 1], [-1, 0, 0, 1], [1, 0, 0, -1], [-1, 0, 0, -1]], [[0, -1, 1, 0], [0, 1, -1, 0]]
+TURNS = np.array([*_ALONG, *_ACROSS, [0, 1, 1, 0], [0, -1, -1, 0]], np.float64).reshape(8, 2, 2)
 SAME, HALF_TURN = 0, 3
 # The object is divided into blocks: number along the side of a square of its area, pixels to use along a block's side,
 # and least number of blocks in all.

@@ -1,7 +1,11 @@
-"""Checks of the sizes of images that belong together."""
+"""Checks of the sizes of images that belong together, and of arrays of a few numbers."""
 
 from collections.abc import Sequence
 
+import numpy as np
+from numpy.typing import ArrayLike
+
+from mpsnet_core.arrays.types import F64
 from mpsnet_core.errors import GeometryError
 
 SAME_SIZE = "they must be the same size"
@@ -25,3 +29,16 @@ def check_same_size(name: str, shape: Sequence[int], other: str, expected: Seque
         by_shape = len(shape) < 2 or shape[:2] == expected[:2]
         found, wanted = map(str if by_shape else size, (shape, expected))
         raise GeometryError(f"{name} is {found} but {other} is {wanted}; {fix}")
+
+
+def finite_array(value: ArrayLike, shape: tuple[int, ...], what: str, most: float) -> F64:
+    """A copy of `value` as an array of `shape`. Raises GeometryError if it is none, or a number exceeds `most`."""
+    try:
+        array = np.array(value, dtype=np.float64)
+    except (TypeError, ValueError, OverflowError):
+        array = np.empty(0)
+    if array.shape != shape or not np.isfinite(array).all():
+        raise GeometryError(f"{what} must be {' by '.join(map(str, shape))} finite numbers")
+    if (np.abs(array) > most).any():
+        raise GeometryError(f"{what} holds a number beyond {most:g}; correct it")
+    return array

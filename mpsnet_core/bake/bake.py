@@ -273,7 +273,7 @@ class _Bake:
         """The seams of the texture set's meshes in its unit square, with the islands' numbers of :meth:`_islands`."""
         assert self.islands is not None
         first = np.cumsum([0, *(one.count for one in self.islands)])
-        uvs: F64 = np.concatenate([one.seam_uvs for one in self.islands]) - np.array(texture_set.corner, np.float64)
+        uvs: F64 = np.concatenate([one.seam_uvs for one in self.islands])
         numbered = [one.seam_islands + before for one, before in zip(self.islands, first, strict=False)]
         return SeamEdges(uvs - np.array(texture_set.corner, np.float64), np.concatenate(numbered).astype(np.int32))
 
@@ -428,25 +428,14 @@ def _averaged(points: Texture, samples: int) -> Texture:
         total = blocks(points.colours).sum(axis=(1, 3))
         colours = total / np.maximum(total[..., 3:], 1)
     assert points.views is not None and points.spread is not None
-    return Texture(
-        normalised(vectors),
-        seen[:, 0, :, 0],
-        weight > 0,
-        points.space,
-        blocks(points.views).max(axis=(1, 3)),
-        (blocks(np.where(counts, points.spread, 0)).sum(axis=(1, 3)) / np.maximum(weight, 1)).astype(np.float32),
-        colours,
-    )
+    views = blocks(points.views).max(axis=(1, 3))
+    spread = blocks(np.where(counts, points.spread, 0)).sum(axis=(1, 3)) / np.maximum(weight, 1)
+    spread = spread.astype(np.float32)
+    return Texture(normalised(vectors), seen[:, 0, :, 0], weight > 0, points.space, views, spread, colours)
 
 
 def _blank(shape: tuple[int, int], space: Space, colours: bool) -> Texture:
     """A texture of zeros."""
-    return Texture(
-        np.zeros((*shape, 3), np.float32),
-        np.zeros(shape, bool),
-        np.zeros(shape, bool),
-        space,
-        np.zeros(shape, np.uint16),
-        np.zeros(shape, np.float32),
-        np.zeros((*shape, 4), np.float32) if colours else None,
-    )
+    vectors, seen, covered = np.zeros((*shape, 3), np.float32), np.zeros(shape, bool), np.zeros(shape, bool)
+    views, spread = np.zeros(shape, np.uint16), np.zeros(shape, np.float32)
+    return Texture(vectors, seen, covered, space, views, spread, np.zeros((*shape, 4), np.float32) if colours else None)

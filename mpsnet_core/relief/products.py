@@ -307,10 +307,5 @@ def _write_mesh(options: Integrate, surface: Surface, files: list[Path], progres
     return f"{'1 face' if facts.faces == 1 else f'{facts.faces} faces'}, in {surface.unit}", facts
 
 
-_WRITERS = {
-    "height": _write_height,
-    "curvature": _write_curvature,
-    "occlusion": _write_occlusion,
-    "relit": _write_relit,
-    "mesh": _write_mesh,
-}
+_WRITERS = {"height": _write_height, "curvature": _write_curvature, "occlusion": _write_occlusion}
+_WRITERS |= {"relit": _write_relit, "mesh": _write_mesh}

@@ -7,6 +7,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
+from mpsnet_core.arrays.sizes import finite_array
 from mpsnet_core.arrays.types import F64, Floats
 from mpsnet_core.errors import FormatError, GeometryError, SettingsError
 from mpsnet_core.io.files import prefix_errors, read_json, write_json
@@ -71,12 +72,12 @@ class Camera:
         for what, size in (("width", self.width), ("height", self.height)):
             if isinstance(size, bool) or not isinstance(size, int | np.integer) or not 1 <= size <= MAX_SIDE:
                 raise GeometryError(f"the camera's {what} must be a whole number of pixels from 1 to {MAX_SIDE}")
-        focal = _numbers(self.focal, (2,), "focal", np.inf)
+        focal = finite_array(self.focal, (2,), "the camera's focal", np.inf)
         if not ((focal >= MIN_FOCAL) & (focal <= MAX_VALUE)).all():
             raise GeometryError(f"the camera's focal in x and in y must be {MIN_FOCAL:g} to {MAX_VALUE:g} pixels")
         middle = np.array([self.width / 2, self.height / 2])
-        centre = _numbers(middle if self.centre is None else self.centre, (2,), "centre", MAX_VALUE)
-        pose = _numbers(self.world_from_camera, (4, 4), "world_from_camera", FARTHEST)
+        centre = finite_array(middle if self.centre is None else self.centre, (2,), "the camera's centre", MAX_VALUE)
+        pose = finite_array(self.world_from_camera, (4, 4), "the camera's world_from_camera", FARTHEST)
         turn = pose[:3, :3]
         rigid = np.allclose(turn.T @ turn, np.eye(3), atol=1e-4) and np.linalg.det(turn) > 0
         if not rigid or not np.allclose(pose[3], [0, 0, 0, 1]):
@@ -211,28 +212,10 @@ def camera_for(camera: Camera | float | None, width: int, height: int, remedy: s
     return camera.resized(width, height)
 
 
-def _numbers(value: ArrayLike, shape: tuple[int, ...], what: str, most: float) -> F64:
-    try:
-        array = np.array(value, dtype=np.float64)
-    except (TypeError, ValueError, OverflowError):
-        array = np.empty(0)
-    if array.shape != shape or not np.isfinite(array).all():
-        raise GeometryError(f"the camera's {what} must be {' by '.join(map(str, shape))} finite numbers")
-    if (np.abs(array) > most).any():
-        raise GeometryError(f"the camera's {what} holds a number beyond {most:g}; correct it")
-    return array
-
-
 def camera_data(camera: Camera) -> dict[str, Any]:
     """A camera as plain JSON data, the inverse of :func:`camera_from_data`."""
-    return {
-        "projection": camera.projection,
-        "width": int(camera.width),
-        "height": int(camera.height),
-        "focal": camera.focal.tolist(),
-        "centre": camera.centre.tolist(),
-        "world_from_camera": camera.world_from_camera.tolist(),
-    }
+    sizes = {"projection": camera.projection, "width": int(camera.width), "height": int(camera.height)}
+    return sizes | {name: getattr(camera, name).tolist() for name in ("focal", "centre", "world_from_camera")}
 
 
 def camera_from_data(data: dict[str, Any]) -> Camera:

@@ -261,10 +261,13 @@ def read_mesh(path: AnyPath, *, shape_only: bool = False, up: Up = "z", unit: fl
     if path.stat().st_size > MAX_MESH_BYTES:
         raise FormatError(f"mesh file {path} is larger than 4 GiB; reduce the mesh first")
     with prefix_errors(f"mesh file {path}"):
-        reader = _READERS.get(path.suffix.lower())
-        if reader is None:
+        suffix = path.suffix.lower()
+        if suffix in _POLYGON_READERS:
+            mesh = _of_polygons(_POLYGON_READERS[suffix](path), shape_only)
+        elif suffix in (".npz", ".glb", ".gltf"):
+            mesh = _read_npz(path, shape_only) if suffix == ".npz" else _read_glb(path, shape_only)
+        else:
             raise FormatError(f"{path.suffix or 'no suffix'} is not a supported mesh format; use OBJ, PLY, GLB or npz")
-        mesh = reader(path, shape_only)
         if up != "z" or unit != 1:
             mesh = replace(mesh, world_from_object=world_from_file(up, unit) @ mesh.world_from_object)
     if not shape_only and mesh.is_inside_out:
@@ -280,6 +283,9 @@ def world_from_file(up: Up, unit: float) -> F64:
     """(4, 4) transform to world space from that of a file with this axis up, whose unit has this length."""
     return np.diag([unit, unit, unit, 1.0]) @ (_FROM_Y_UP if up == "y" else np.eye(4))
 
+
+_POLYGON_READERS: dict[str, Callable[[Path], Polygons]] = {".obj": read_obj, ".ply": read_ply}
+_POLYGON_READERS |= dict.fromkeys(SUFFIXES, read_shape)
 
 # The .npz arrays of labels: the names, and each triangle's index into them.
 _LABEL_KEYS = {"materials": "triangle_material", "objects": "triangle_object"}
@@ -316,11 +322,6 @@ def _read_npz(path: Path, shape_only: bool) -> Mesh:
         **_labels_of_arrays(arrays),
         polygons=arrays.get("triangle_polygon"),
     )
-
-
-def _mesh_of(read: Callable[[Path], Polygons]) -> Callable[[Path, bool], Mesh]:
-    """The reader of a format, of a path and whether UVs are ignored, from the reader of its polygons."""
-    return lambda path, shape_only: _of_polygons(read(path), shape_only)
 
 
 def _of_polygons(found: Polygons, shape_only: bool, world_from_object: F64 | None = None) -> Mesh:
@@ -523,17 +524,6 @@ def shared_normals(corners: F64, shared: NDArray[np.integer[Any]], sizes: I64 | 
     return normalised(summed)[number].reshape(corners.shape)
 
 
-# Readers of a path and of whether UVs are ignored, by suffix.
-_READERS: dict[str, Callable[[Path, bool], Mesh]] = {
-    ".npz": _read_npz,
-    ".obj": _mesh_of(read_obj),
-    ".ply": _mesh_of(read_ply),
-    ".glb": _read_glb,
-    ".gltf": _read_glb,
-    **dict.fromkeys(SUFFIXES, _mesh_of(read_shape)),
-}
-
-
 # ----------------------------------------------------------------------------------------------------------------------
 # Several meshes joined for occlusion and world positions, where only their shape matters.
 
@@ -558,11 +548,12 @@ def join_meshes(meshes: Sequence[Mesh]) -> Mesh:
     if len(meshes) == 1:
         return meshes[0]
     starts = itertools.accumulate((len(mesh.vertices) for mesh in meshes[:-1]), initial=0)
+    normals = [normalised(mesh.corner_normals @ mesh.normals_to_world.astype(np.float32)) for mesh in meshes]
     triangles = [_outwards(mesh, mesh.triangles) + start for mesh, start in zip(meshes, starts, strict=True)]
     return Mesh(
         np.concatenate([mesh.world_vertices for mesh in meshes]),
         np.concatenate(triangles),
-        np.concatenate([_outwards(mesh, _world_normals(mesh)) for mesh in meshes]),
+        np.concatenate(list(map(_outwards, meshes, normals))),
         np.concatenate([_outwards(mesh, mesh.uvs) for mesh in meshes]),
     )
 
@@ -570,7 +561,3 @@ def join_meshes(meshes: Sequence[Mesh]) -> Mesh:
 def _outwards(mesh: Mesh, at_corners: NDArray[T]) -> NDArray[T]:
     """Corner values (T, 3, ...) in counter-clockwise order in world space: reversed for a mirrored object."""
     return at_corners[:, ::-1] if mesh.is_mirrored else at_corners
-
-
-def _world_normals(mesh: Mesh) -> F32:
-    return normalised(mesh.corner_normals @ mesh.normals_to_world.astype(np.float32))

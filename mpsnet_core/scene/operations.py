@@ -132,7 +132,7 @@ class WriteCameras(ReadsPictures):
         from mpsnet_core.io.image_reading import read_image
         from mpsnet_core.io.image_writing import write_photo
         from mpsnet_core.scene.camera import write_camera
-        from mpsnet_core.scene.photogrammetry import undistorted, undistorted_mask
+        from mpsnet_core.scene.photogrammetry.posed_photo import undistorted, undistorted_mask
 
         assert view.lens is not None
         with prefix_errors(view.photo):

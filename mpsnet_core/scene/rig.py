@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from mpsnet_core.arrays.sizes import finite_array
 from mpsnet_core.arrays.types import F32, F64, Floats
 from mpsnet_core.errors import FormatError, GeometryError, SettingsError
 from mpsnet_core.io.files import atomic_write, check_small, existing_file, prefix_errors, read_json, write_json
@@ -32,28 +33,6 @@ MIN_MIXING = 1e-6
 MAX_LOBE = 100
 # A light with a lobe lights nothing behind it; this lower limit keeps divisions by its brightness finite.
 MIN_LOBE_COSINE = 0.01
-
-
-def _matrix(value: ArrayLike, what: str) -> F64:
-    try:
-        matrix = np.array(value, dtype=np.float64)
-    except (TypeError, ValueError, OverflowError):
-        raise GeometryError(f"{what} must be three rows of three numbers") from None
-    if matrix.shape != (3, 3):
-        raise GeometryError(f"{what} must be three rows of three numbers, not an array of shape {matrix.shape}")
-    if not (np.abs(matrix) <= MAX_VALUE).all():
-        raise GeometryError(f"{what} holds a value that is not finite or beyond {MAX_VALUE:g}; give numbers")
-    return matrix
-
-
-def _three(value: ArrayLike, what: str) -> F64:
-    try:
-        three = np.array(value, dtype=np.float64)
-    except (TypeError, ValueError, OverflowError):
-        three = np.empty(0)
-    if three.shape != (3,) or not (np.abs(three) <= MAX_VALUE).all():
-        raise GeometryError(f"{what} must be three finite numbers")
-    return three
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,7 +60,8 @@ class NearLights:
     a bare LED chip, more for LEDs with a lens."""
 
     def __post_init__(self) -> None:
-        positions, target = _matrix(self.positions, "light positions"), _three(self.target, "the lights' target")
+        positions = finite_array(self.positions, (3, 3), "light positions", MAX_VALUE)
+        target = finite_array(self.target, (3,), "the lights' target", MAX_VALUE)
         for name, place in zip(LIGHT_NAMES, positions, strict=True):
             if np.linalg.norm(place - target) < 1e-9:
                 raise GeometryError(f"the {name} light stands in the target; move one of them")
@@ -136,7 +116,7 @@ class LightRig:
     them."""
 
     def __post_init__(self) -> None:
-        directions = _matrix(self.directions, "light directions")
+        directions = finite_array(self.directions, (3, 3), "light directions", MAX_VALUE)
         length = np.linalg.norm(directions, axis=1)
         for name, size, vector in zip(LIGHT_NAMES, length, directions, strict=True):
             if size < 1e-9:
@@ -152,7 +132,7 @@ class LightRig:
                 "the three light directions lie (nearly) in one plane, so they do not determine a normal; move one "
                 "light out of the plane of the other two"
             )
-        mixing = _matrix(self.mixing, "the mixing matrix")
+        mixing = finite_array(self.mixing, (3, 3), "the mixing matrix", MAX_VALUE)
         singular = np.linalg.svd(mixing, compute_uv=False)
         if not MIN_MIXING <= singular[0] <= 1 / MIN_MIXING:
             raise GeometryError(f"the mixing matrix is of the size {singular[0]:.3g}; scale its entries to about 1")
@@ -265,9 +245,9 @@ def near_rig(
     GeometryError
         As for :class:`NearLights` and :class:`LightRig`.
     """
-    near = NearLights(_matrix(positions, "light positions"), _three(target, "the lights' target"), lobe)
-    mixed = np.eye(3) if mixing is None else _matrix(mixing, "the mixing matrix")
-    return LightRig(near.positions - near.target, mixed, near, is_ground_truth)
+    near = NearLights(positions, target, lobe)  # type: ignore[arg-type]  # which it converts
+    mixed = np.eye(3) if mixing is None else mixing
+    return LightRig(near.positions - near.target, mixed, near, is_ground_truth)  # type: ignore[arg-type]
 
 
 def read_rig(path: AnyPath) -> LightRig:
@@ -330,7 +310,7 @@ def rig_data(path: AnyPath) -> Iterator[tuple[dict[str, Any], bool]]:
 def _json_position(light: Any, name: str) -> F64:
     if not isinstance(light, dict) or set(light) != {"position"}:
         raise FormatError(f'the {name} light needs a "position" [x, y, z] and nothing else, as the others have one')
-    return _three(light["position"], f"the {name} light's position")
+    return finite_array(light["position"], (3,), f"the {name} light's position", MAX_VALUE)
 
 
 def _json_direction(light: Any, name: str) -> F64:
@@ -462,12 +442,9 @@ class WorldLights:
     """Whether directions and mixing are known exactly, as in :class:`LightRig`."""
 
     def __post_init__(self) -> None:
-        try:
-            directions = np.array(self.directions, np.float64)
-        except (TypeError, ValueError, OverflowError):
-            directions = np.empty(0)
-        if directions.shape != (3, 3) or not np.isfinite(directions).all() or not directions.any(axis=1).all():
-            raise GeometryError("lights in the world are three directions of three finite numbers, none of them zero")
+        directions = finite_array(self.directions, (3, 3), "the directions of lights in the world", MAX_VALUE)
+        if not directions.any(axis=1).all():
+            raise GeometryError("a light in the world has the direction zero; give where it stands")
         object.__setattr__(self, "directions", directions)
 
     def seen_by(self, camera: Camera) -> LightRig:

@@ -14,7 +14,7 @@ from mpsnet_core.scene.camera import AS_SOLVED, Camera, camera_for, read_camera
 from mpsnet_core.scene.view_files import read_views
 
 if TYPE_CHECKING:
-    from mpsnet_core.scene.photogrammetry import Lens
+    from mpsnet_core.scene.photogrammetry.posed_photo import Lens
 
 log = logging.getLogger(__name__)
 
@@ -108,8 +108,9 @@ def _own_photo(camera: Path, photos: PhotoFolder) -> ViewPhoto:
 
 
 def _photogrammetry_photos(cameras: Path, photos: PhotoFolder) -> list[ViewPhoto]:
-    from mpsnet_core.scene.photogrammetry import as_displayed, find_photo, read_cameras
+    from mpsnet_core.scene.photogrammetry import read_cameras
     from mpsnet_core.scene.photogrammetry.colmap import NO_MODEL, model_in
+    from mpsnet_core.scene.photogrammetry.posed_photo import as_displayed, find_photo
 
     if cameras.is_dir() and model_in(cameras) is None:
         raise FileError(

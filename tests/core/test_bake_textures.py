@@ -242,7 +242,7 @@ def test_sequences_are_refused_in_one_sentence(bench: Bench) -> None:
             *arguments, output=output, view=view
         )
     said = bench.refused("--onto", "maps.json", "--space", "tangent", output="frames", view=view)
-    assert "maps.json lists existing maps for several textures; name the one image" in said
+    assert "maps.json lists existing maps for several textures; name one image" in said
 
 
 def test_samples_and_padding_reach_the_bake(bench: Bench) -> None:

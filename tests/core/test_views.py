@@ -31,7 +31,7 @@ from mpsnet_core.scene.camera import read_camera, write_camera
 from mpsnet_core.scene.normal_encoding import read_vectors
 from mpsnet_core.scene.normal_map import read_normals
 from mpsnet_core.scene.operations import WriteCameras
-from mpsnet_core.scene.photogrammetry import Lens, PosedPhoto, find_photo
+from mpsnet_core.scene.photogrammetry.posed_photo import Lens, PosedPhoto, find_photo
 from mpsnet_core.scene.rig import (
     LightRig,
     WorldLights,

@@ -24,35 +24,18 @@ from mpsnet_core.scene.photogrammetry.posed_photo import Lens, PosedPhoto, photo
 log = logging.getLogger(__name__)
 
 # Parameters of the camera models, in the file's order. p1 and p2 are OpenCV's.
-_PARAMETERS = {
-    "SIMPLE_PINHOLE": ("f", "cx", "cy"),
-    "PINHOLE": ("fx", "fy", "cx", "cy"),
-    "SIMPLE_RADIAL": ("f", "cx", "cy", "k1"),
-    "RADIAL": ("f", "cx", "cy", "k1", "k2"),
-    "OPENCV": ("fx", "fy", "cx", "cy", "k1", "k2", "p1", "p2"),
-    "FULL_OPENCV": ("fx", "fy", "cx", "cy", "k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6"),
-}
+_SIMPLE, _PINHOLE = ("f", "cx", "cy"), ("fx", "fy", "cx", "cy")
+_OPENCV = (*_PINHOLE, "k1", "k2", "p1", "p2")
+_PARAMETERS = {"SIMPLE_PINHOLE": _SIMPLE, "PINHOLE": _PINHOLE, "SIMPLE_RADIAL": (*_SIMPLE, "k1")}
+_PARAMETERS |= {"RADIAL": (*_SIMPLE, "k1", "k2"), "OPENCV": _OPENCV, "FULL_OPENCV": (*_OPENCV, "k3", "k4", "k5", "k6")}
 # Binary files identify a model by its index here.
+# fmt: off
 _MODELS = (
-    "SIMPLE_PINHOLE",
-    "PINHOLE",
-    "SIMPLE_RADIAL",
-    "RADIAL",
-    "OPENCV",
-    "OPENCV_FISHEYE",
-    "FULL_OPENCV",
-    "FOV",
-    "SIMPLE_RADIAL_FISHEYE",
-    "RADIAL_FISHEYE",
-    "THIN_PRISM_FISHEYE",
-    "RAD_TAN_THIN_PRISM_FISHEYE",
-    "SIMPLE_DIVISION",
-    "DIVISION",
-    "SIMPLE_FISHEYE",
-    "FISHEYE",
-    "EUCM",
-    "EQUIRECTANGULAR",
+    "SIMPLE_PINHOLE", "PINHOLE", "SIMPLE_RADIAL", "RADIAL", "OPENCV", "OPENCV_FISHEYE", "FULL_OPENCV", "FOV",
+    "SIMPLE_RADIAL_FISHEYE", "RADIAL_FISHEYE", "THIN_PRISM_FISHEYE", "RAD_TAN_THIN_PRISM_FISHEYE", "SIMPLE_DIVISION",
+    "DIVISION", "SIMPLE_FISHEYE", "FISHEYE", "EUCM", "EQUIRECTANGULAR",
 )
+# fmt: on
 
 NO_MODEL = "no COLMAP model (cameras.bin or cameras.txt, also in sparse/0)"
 
