@@ -80,14 +80,10 @@ class Agreement:
     def views(self, gains: Sequence[Sequence[float]] | None = None) -> list[ViewAgreement]:
         """What each view contributes, in the order in which they were added. gains: of their colours."""
         before, after = (_angles_to_the_others([samples[place] for samples in self._samples]) for place in (0, 1))
-        return [
-            ViewAgreement(
-                name, float((samples[1][:, 3] > 0).mean()), level, one, other, gains[number] if gains else None
-            )
-            for number, ((name, level), samples, one, other) in enumerate(
-                zip(self._views, self._samples, before, after, strict=True)
-            )
-        ]
+        seen = [float((levelled[:, 3] > 0).mean()) for _, levelled in self._samples]
+        names, levels = zip(*self._views, strict=True)
+        known = zip(names, seen, levels, before, after, gains or [None] * len(seen), strict=True)
+        return [ViewAgreement(*facts) for facts in known]
 
 
 def agreement(mesh: Mesh, scene: RayScene, feather: float = 0.0, count: int = POINTS) -> Agreement:

@@ -269,19 +269,6 @@ def read_image(
     if pair and len(names) == 2:
         first, second = names.values()
         names = {"R": first, "G": second, "B": second}
-    return _decoded(path, values, names, spec, encoding, grey, compact)
-
-
-def _decoded(
-    path: Path,
-    values: NDArray[Any],
-    names: dict[str, int],
-    spec: oiio.ImageSpec,
-    encoding: Encoding,
-    grey: bool,
-    compact: bool,
-) -> Image:
-    """The image of a file's values (H, W, C), whose channels have these names and places."""
     if image_attribute(spec, "tiff:ColorSpace", str) == "CIELAB":
         raise FormatError(f"{path} is in Lab colours, which are not supported; export it as RGB")
     colour = _colour_channels(names, grey, path)

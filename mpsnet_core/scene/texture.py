@@ -52,7 +52,8 @@ class Texture(Shown):
     def rows(self, rows: slice) -> "Texture":
         """A view of some of its rows, which shares memory with it."""
         found = vars(self).items()
-        return replace(self, **{name: one[rows] for name, one in found if isinstance(one, np.ndarray)})
+        arrays: dict[str, Any] = {name: one[rows] for name, one in found if isinstance(one, np.ndarray)}
+        return replace(self, **arrays)
 
     @property
     def seen_fraction(self) -> float:

@@ -250,10 +250,7 @@ def test_a_texture_of_another_space_is_refused() -> None:
     ("gradient", "told"),
     [
         (0.02, ""),
-        (
-            0.8,
-            "its normals contradict each other on 9",
-        ),  # a bowl on each of the six sides, of which none fits the next
+        (0.8, "its normals contradict each other on 9"),  # a bowl on each of the six sides, of which none fits the next
     ],
 )
 def test_a_texture_that_does_not_fit_is_reported(

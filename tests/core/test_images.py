@@ -264,7 +264,7 @@ class TestLayers:
         np.testing.assert_array_equal(image.alpha, np.ones((4, 6)))
 
     @pytest.mark.parametrize("name", ["Normal", "ViewLayer.Normal"])
-    def test_another_layer_is_read_by_its_full_or_last_name(
+    def test_a_layer_is_read_by_its_full_or_last_name(
         self, file: Path, passes: dict[str, np.ndarray], name: str
     ) -> None:
         values, alpha = read_data(file, name)
@@ -378,9 +378,7 @@ SIDES = {"top": np.s_[0], "bottom": np.s_[-1], "left": np.s_[:, 0], "right": np.
         (8, "left", "bottom"),
     ],
 )
-def test_a_photo_stands_as_a_viewer_shows_it(
-    tmp_path: Path, orientation: int, first_row: str, first_column: str
-) -> None:
+def test_a_photo_stands_as_viewers_show_it(tmp_path: Path, orientation: int, first_row: str, first_column: str) -> None:
     """Where the stored first row and column are to be seen, in the words of the EXIF standard."""
     values = np.zeros((4, 6, 3))
     values[0, :, 0], values[:, 0, 1] = 1, 1

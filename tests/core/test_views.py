@@ -88,9 +88,7 @@ class Asked(Sequence[View]):
 
 
 @pytest.mark.parametrize("held", [300_000, 1_000_000])  # not one view, and not three with their depth images
-def test_views_that_memory_does_not_hold_at_once_give_the_same_texture(
-    monkeypatch: pytest.MonkeyPatch, held: int
-) -> None:
+def test_views_that_memory_does_not_hold_give_the_same_texture(monkeypatch: pytest.MonkeyPatch, held: int) -> None:
     mesh = sphere_mesh(layout="overlapping")
     views = [sphere_view(camera_looking(corner, size=100)) for corner in CORNERS[:5]]
     at_once, in_parts = Asked(views), Asked(views)

@@ -56,16 +56,9 @@ def find_tiling(features: F32, overlap: float) -> Tiling:
     return _filled(exact, frame)
 
 
-@dataclass(frozen=True)
-class _Autocorrelation:
-    """Autocorrelation of an image for steps along an axis."""
-
-    values: F64
-    """(2 across + 1, N) float64. Rows are pixels sideways, columns pixels along the axis."""
-    least: int
-    """The shortest step along the axis in pixels."""
-    across: int
-    """How far the steps reach sideways, in pixels."""
+# Of an image, for steps along an axis: (2 across + 1, N) the autocorrelation, whose rows are pixels sideways, columns
+# pixels along the axis; the shortest step along the axis; and how far the steps reach sideways, in pixels.
+_Autocorrelation = tuple[F64, int, int]
 
 
 def _autocorrelation(seen: F32, most: float) -> _Autocorrelation:
@@ -83,7 +76,7 @@ def _autocorrelation(seen: F32, most: float) -> _Autocorrelation:
     energy[1:, 1:] = np.einsum("ijk,ijk->ij", seen, seen, dtype=np.float64).cumsum(axis=0).cumsum(axis=1)
     sideways, along = np.arange(-across, across + 1)[:, None], np.arange(least, last + 1)
     own, shifted = (_box(energy, sign * sideways, sign * along) for sign in (1, -1))
-    return _Autocorrelation(2 * product / np.maximum(own + shifted, 1e-12), least, across)
+    return 2 * product / np.maximum(own + shifted, 1e-12), least, across
 
 
 def _box(table: F64, sideways: I64, along: I64) -> F64:
@@ -110,8 +103,7 @@ _Found = tuple[F64, float]
 
 def _peaks(autocorrelation: _Autocorrelation) -> _Peaks:
     """The peaks that are nearly as high as the highest; none if that may be due to chance."""
-    values = autocorrelation.values
-    across, least = autocorrelation.across, autocorrelation.least
+    values, least, across = autocorrelation
     sideways, along = np.arange(-across, across + 1)[:, None], np.arange(values.shape[1]) + least
     peaks = np.zeros(values.shape, bool)
     highest = np.lib.stride_tricks.sliding_window_view(values, (3, 3)).max(axis=(2, 3))
@@ -120,14 +112,12 @@ def _peaks(autocorrelation: _Autocorrelation) -> _Peaks:
     best = heights.max()
     rows, columns = np.nonzero(heights >= max(NEARLY * best, MIN_CORRELATION))
     order = np.argsort(-columns, kind="stable")[:MAX_PEAKS]
-    places = [
-        (
-            least + column + _peak(values[row, column - 1 : column + 2]),
-            row - across + _peak(values[row - 1 : row + 2, column]),
-        )
-        for row, column in zip(rows[order], columns[order], strict=True)
-    ]
-    return _Peaks(np.reshape(places, (-1, 2)), heights[rows[order], columns[order]])
+    rows, columns = rows[order], columns[order]
+    places = []
+    for row, column in zip(rows, columns, strict=True):
+        along_peak, aside_peak = _peak(values[row, column - 1 : column + 2]), _peak(values[row - 1 : row + 2, column])
+        places.append((least + column + along_peak, row - across + aside_peak))
+    return _Peaks(np.reshape(places, (-1, 2)), heights[rows, columns])
 
 
 def _chosen(across: _Peaks, down: _Peaks, frame: F64) -> list[_Found | None]:
