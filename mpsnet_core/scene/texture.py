@@ -1,7 +1,7 @@
 """Texture: normals baked onto a mesh's UVs."""
 
 from dataclasses import dataclass, replace
-from typing import ClassVar, Literal
+from typing import Any, ClassVar, Literal
 
 import numpy as np
 from numpy.typing import NDArray
