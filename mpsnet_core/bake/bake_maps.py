@@ -14,15 +14,7 @@ from mpsnet_core.bake.texture_files import TextureTarget
 from mpsnet_core.bake.view_agreement import matched_views
 from mpsnet_core.batch import Batch
 from mpsnet_core.errors import SettingsError
-from mpsnet_core.io.files import (
-    check_no_overwrite,
-    check_own,
-    checked_bits,
-    ensure_folder,
-    is_file,
-    remove_abandoned,
-    write_transaction,
-)
+from mpsnet_core.io import files as disk
 from mpsnet_core.io.frames import is_folder_or_pattern, results_folder
 from mpsnet_core.io.provenance import is_up_to_date, operation_facts, provenance_line
 from mpsnet_core.progress import Progress, part
@@ -48,7 +40,7 @@ def _camera_and_normals(view: str) -> tuple[str, str]:
     # File names may contain equals signs: split at the one that follows the name of an existing camera file.
     words = view.split("=")
     starts = ["=".join(words[:count]) for count in range(1, len(words))]
-    camera = next(filter(is_file, starts), words[0])
+    camera = next(filter(disk.is_file, starts), words[0])
     normals = view[len(camera) + 1 :]
     if not (camera and normals):
         raise SettingsError(f"--view {view} is not CAMERA=NORMALS; give a camera file, =, a normal map")
@@ -71,7 +63,7 @@ def _bake_pose(
     if options.albedo and len(seen) > 1:
         seen = matched_views(seen, plan.meshes, baking.feather)
     baked = bake_texture_sets(plan.meshes, seen, plan.texture_sets, baking, progress=part(progress, 0.15, 1.0))
-    with write_transaction():
+    with disk.write_transaction():
         written = [one for _, one, _ in texture_files.write_textures(plan, baked)]
         shares = texture_files.checked_shares(options, written)
     return TexturesBaked(target.output, written, *shares, text=texture_files.format_textures(options, target, written))
@@ -91,8 +83,10 @@ def _bake_frames(
     frames = _frames(options, views, target)
     files = [file for file, _ in frames.values()]
     read = {file for _, inputs in frames.values() for file in inputs.files}
-    check_no_overwrite(read.union(_onto_files(options)), files)
-    remove_abandoned(ensure_folder(results_folder(target.output, "a sequence is baked", "textures"), "textures"))
+    disk.check_no_overwrite(read.union(_onto_files(options)), files)
+    disk.remove_abandoned(
+        disk.ensure_folder(results_folder(target.output, "a sequence is baked", "textures"), "textures")
+    )
     level = options.level_scale()
     base_map = one_base_map(options.onto, options.onto_convention, options.onto_shown) if options.onto else None
     reader = ViewReader(level, [base_map] if base_map else [], options.normals_convention)
@@ -109,7 +103,7 @@ def _bake_frames(
         if is_up_to_date(output, line):
             batch.succeeded += 1
             continue
-        check_own(output)
+        disk.check_own(output)
         texture = None
         with batch.one(output):
             mesh = mesh_of(inputs.meshes[0])
@@ -158,6 +152,6 @@ def _frames(options: Bake, views: list[tuple[str, str]], target: TextureTarget) 
         if getattr(options, name):
             raise SettingsError(f"--{name.replace('_', '-')} is for a single pose; leave it out for a sequence")
     inputs = frame_inputs(options.mesh[0], views)
-    checked_bits(Path(f"texture{target.suffix}"), target.bits)
+    disk.checked_bits(Path(f"texture{target.suffix}"), target.bits)
     digits = max(4, len(str(max(inputs))))
     return {number: (target.frame(number, digits), inputs[number]) for number in sorted(inputs)}

@@ -30,17 +30,7 @@ from mpsnet_core.errors import FileError
 from mpsnet_core.estimate.albedo import albedo_from_white, read_albedo
 from mpsnet_core.estimate.estimator import Estimator
 from mpsnet_core.estimate.operations import RunsModel
-from mpsnet_core.io.files import (
-    check_no_overwrite,
-    check_own,
-    ensure_folder,
-    prefix_errors,
-    remove_abandoned,
-    temporary_folder,
-    writable_path,
-    write_json,
-    write_transaction,
-)
+from mpsnet_core.io import files as disk
 from mpsnet_core.io.frames import PhotoFolder
 from mpsnet_core.io.html_page import page_path
 from mpsnet_core.io.image_reading import layer_in, read_size
@@ -185,7 +175,7 @@ def sources_of(
     """
     shape, owners, sources = _shape(mesh), dict[str, str](), []
     for view in views:
-        with prefix_errors(f"view {view.name}"):
+        with disk.prefix_errors(f"view {view.name}"):
             mask = photography.mask_of(view)
             if photography.masks and owners.setdefault(mask, view.name) != view.name:
                 raise FileError(f"its mask would be that of view {owners[mask]}, {mask}; add one named {view.name}")
@@ -296,11 +286,11 @@ def bake_views(options: BakeViews, progress: Progress) -> ViewsBaked:
     photography = _photography(options)
     views = posed_photos(options.cameras, options.photos, layer=options.layer)
     photos = [photo for view in views for photo in (view.photo, *photography.white_of(view))]
-    check_no_overwrite(photos, outputs)
+    disk.check_no_overwrite(photos, outputs)
     kept_files = [file for view in _cached(options, views, options.keep) for file in view.files] if options.keep else []
     for file in kept_files:
-        check_own(file)
-    check_no_overwrite([*inputs, *photos, *outputs], kept_files)
+        disk.check_own(file)
+    disk.check_no_overwrite([*inputs, *photos, *outputs], kept_files)
     progress(0.0, "reading the mesh")
     plan = texture_files.planned(options, target, [*inputs, *photos, *map(Path, outputs[1:]), *kept_files])
     mesh = join_meshes(plan.meshes)
@@ -308,9 +298,9 @@ def bake_views(options: BakeViews, progress: Progress) -> ViewsBaked:
     sources = sources_of(views, photography, mesh, settings_fingerprint)
     scene = RayScene.of(mesh)
     estimator = options.estimator(options.passes)
-    with nullcontext(options.keep) if options.keep else temporary_folder() as folder:
+    with nullcontext(options.keep) if options.keep else disk.temporary_folder() as folder:
         if options.keep:
-            remove_abandoned(ensure_folder(options.keep, "normals of the views"))
+            disk.remove_abandoned(disk.ensure_folder(options.keep, "normals of the views"))
         reader = ViewReader(level, plan.base_maps.in_photos())
         kept = _cached(options, views, folder)
         stored = CachedViews(kept, [view.camera for view in views], mesh, scene, reader)
@@ -336,11 +326,11 @@ def _checked_files(options: BakeViews, output: str) -> tuple[list[Path], list[st
     if options.report:
         page_path(options.report)
     if options.json:
-        writable_path(options.json)
+        disk.writable_path(options.json)
     outputs = [file for file in (output, options.report, options.json) if file]
     mask = None if options.mask == MESH else options.mask
     inputs = [*camera_files(options.cameras), *options.inputs(options.rig, *options.mesh, options.onto, mask=mask)]
-    check_no_overwrite(inputs, outputs)
+    disk.check_no_overwrite(inputs, outputs)
     return inputs, outputs
 
 
@@ -370,7 +360,7 @@ def _written(
 ) -> ViewsBaked:
     """Write textures, report and figures: all of them or none."""
     written, maps = [], []
-    with write_transaction():
+    with disk.write_transaction():
         for texture_set, one, texture in texture_files.write_textures(plan, baked):
             written.append(one)
             if options.report:
@@ -389,5 +379,5 @@ def _written(
         if options.report:
             write_bake_report(options.report, Path(plan.target.output).name, maps, table, [text, summary])
         if options.json:
-            write_json(options.json, result.metrics("views", "seen", "filled", "level", "model"))
+            disk.write_json(options.json, result.metrics("views", "seen", "filled", "level", "model"))
     return result

@@ -14,14 +14,7 @@ from mpsnet_core.bake.settings import BakeSettings
 from mpsnet_core.defaults import MARGIN
 from mpsnet_core.errors import GeometryError, SettingsError
 from mpsnet_core.estimate.albedo import write_albedo
-from mpsnet_core.io.files import (
-    check_ending,
-    check_no_overwrite,
-    ensure_folder,
-    file_suffix,
-    writable_image,
-    writable_path,
-)
+from mpsnet_core.io import files as disk
 from mpsnet_core.io.image_writing import write_mask
 from mpsnet_core.scene.mesh import Labels, Mesh
 from mpsnet_core.scene.normal_encoding import Convention
@@ -69,10 +62,10 @@ def texture_target(options: Bake | BakeViews, *, sequence: bool = False) -> Text
     elif options.onto_convention != "opengl" or options.onto_shown != "auto":
         raise SettingsError("--onto-convention and --onto-shown describe the map of --onto; give that, too")
     ending, output = getattr(options, "format", None), options.output
-    suffix = file_suffix(ending) if ending else None
+    suffix = disk.file_suffix(ending) if ending else None
     if options.preset is None:
         if suffix and not sequence:
-            check_ending(Path(output), suffix)
+            disk.check_ending(Path(output), suffix)
         target = TextureTarget(output, options.convention or "opengl", options.bits, suffix or ".png")
     else:
         wanted = PRESETS[options.preset]
@@ -82,7 +75,7 @@ def texture_target(options: Bake | BakeViews, *, sequence: bool = False) -> Text
         bits = wanted.bits if options.bits is None and suffix in (None, wanted.suffix) else options.bits
         target = TextureTarget(output, options.convention or wanted.convention, bits, suffix or wanted.suffix)
     if not sequence:
-        writable_image(target.output, target.bits)
+        disk.writable_image(target.output, target.bits)
     return target
 
 
@@ -96,7 +89,7 @@ def _preset_file(options: Bake | BakeViews, suffix: str | None) -> str:
         )
     target = preset_output(wanted, output, Path(options.mesh[0]).stem, suffix)
     if folder:
-        ensure_folder(target.parent, "texture")
+        disk.ensure_folder(target.parent, "texture")
     return str(target)
 
 
@@ -152,11 +145,11 @@ def planned(options: Bake | BakeViews, target: TextureTarget, protected_paths: S
     onto, coloured = options.onto, options.albedo if isinstance(options, Bake) else options.white
     base_files = base_map_files(onto, options.onto_convention, chosen) if onto else [None] * len(chosen)
     albedos = texture_files(albedo_file(Path(target.output)), chosen)
-    folder = ensure_folder(options.coverage, "coverage") if options.coverage else None
+    folder = disk.ensure_folder(options.coverage, "coverage") if options.coverage else None
     seen = [folder / file.name for file in files] if folder else ()
-    written = map(writable_path, [*files, *(albedos if coloured else ()), *seen])
-    check_no_overwrite([*protected_paths, *(present.file for present in base_files if present)], written)
-    check_no_overwrite(files, seen)
+    written = map(disk.writable_path, [*files, *(albedos if coloured else ()), *seen])
+    disk.check_no_overwrite([*protected_paths, *(present.file for present in base_files if present)], written)
+    disk.check_no_overwrite(files, seen)
     base_maps = BaseMaps(base_files, chosen, meshes, options.onto_shown)
     return BakePlan(target, meshes, chosen, files, albedos, tile_patterns(target.output, chosen), base_maps, folder)
 

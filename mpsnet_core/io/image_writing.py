@@ -126,8 +126,10 @@ def write_bands(
 
     band: returns the values (h, W, C) of the given rows, from top to bottom. The rest as for :func:`write_image`.
     """
-    facts = metadata(with_inputs=not is_provenance_line(description or ""))
-    _write(Path(path), atomic_write(path), shape, band, bits, color_space, description, facts)
+    spec = _output_spec(Path(path), shape, bits, color_space, description)
+    if facts := metadata(with_inputs=not is_provenance_line(description or "")):
+        spec.attribute(f"{SOFTWARE}:made", facts)
+    _write(Path(path), atomic_write(path), spec, band)
 
 
 def png_bytes(pixels: NDArray[Any]) -> bytes:
@@ -135,30 +137,14 @@ def png_bytes(pixels: NDArray[Any]) -> bytes:
     height, width, channels = pixels.shape
     with temporary_folder() as folder:
         file = folder / "picture.png"
-        _write(file, nullcontext(file), (height, width, channels), lambda rows: pixels[rows], 8, "sRGB", None)
+        spec = _output_spec(file, (height, width, channels), 8, "sRGB", None)
+        _write(file, nullcontext(file), spec, lambda rows: pixels[rows])
         return file.read_bytes()
 
 
-def _write(
-    path: Path,
-    place: AbstractContextManager[Path],
-    shape: tuple[int, int, int],
-    band: Callable[[slice], NDArray[Any]],
-    bits: int | None,
-    color_space: str,
-    description: str | None,
-    facts: str = "",
-) -> None:
-    """Write the image `path` to the file that `place` yields. facts: see :func:`.provenance.metadata`."""
-    premultiplied = path.suffix.lower() == ".exr" and shape[2] == 4  # as OpenEXR defines colour
-    spec = _output_spec(path, shape, bits)
-    spec.attribute("oiio:ColorSpace", color_space)
-    spec.attribute("Software", SOFTWARE)
-    spec.attribute("DateTime", "")  # OpenImageIO's own would make two equal runs differ
-    if facts:
-        spec.attribute(f"{SOFTWARE}:made", facts)
-    if description is not None:
-        spec.attribute("ImageDescription", description)
+def _write(path: Path, place: AbstractContextManager[Path], spec: Any, band: Callable[[slice], NDArray[Any]]) -> None:
+    """Write the image `path` to the file that `place` yields."""
+    premultiplied = path.suffix.lower() == ".exr" and spec.nchannels == 4  # as OpenEXR defines colour
     with place as file:
         target = oiio.ImageOutput.create(str(file))
         if target is None:
@@ -166,7 +152,7 @@ def _write(
         try:
             with silence_libraries():  # OpenEXR's has words for the missing time
                 done = target.open(str(file), spec)
-            for rows in bands(shape[0]) if done else ():
+            for rows in bands(spec.height) if done else ():
                 values = np.ascontiguousarray(band(rows), dtype=np.float32)
                 if premultiplied:
                     values = np.concatenate([values[..., :3] * values[..., 3:], values[..., 3:]], axis=-1)
@@ -183,7 +169,9 @@ def _write(
             raise FileError(f"cannot write {path} ({reason.replace(str(file), path.name)}); make room on the disk")
 
 
-def _output_spec(path: Path, shape: tuple[int, int, int], bits: int | None) -> Any:
+def _output_spec(
+    path: Path, shape: tuple[int, int, int], bits: int | None, color_space: str, description: str | None
+) -> Any:
     height, width, channels = shape
     bits, suffix = checked_bits(path, bits), path.suffix.lower()
     is_exr = suffix == ".exr"
@@ -199,6 +187,11 @@ def _output_spec(path: Path, shape: tuple[int, int, int], bits: int | None) -> A
         spec.alpha_channel = 3
         if not is_exr:
             spec.attribute("oiio:UnassociatedAlpha", 1)
+    spec.attribute("oiio:ColorSpace", color_space)
+    spec.attribute("Software", SOFTWARE)
+    spec.attribute("DateTime", "")  # OpenImageIO's own would make two equal runs differ
+    if description is not None:
+        spec.attribute("ImageDescription", description)
     return spec
 
 

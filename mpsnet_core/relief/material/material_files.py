@@ -17,16 +17,7 @@ from mpsnet_core.capture.open import open_captures
 from mpsnet_core.defaults import BY_PHOTO
 from mpsnet_core.errors import SettingsError
 from mpsnet_core.estimate.registry import DEFAULT_MODEL, LAMBERTIAN_GREY_WORLD
-from mpsnet_core.io.files import (
-    IMAGE_SUFFIXES,
-    check_no_overwrite,
-    check_own,
-    creatable_folder,
-    ensure_folder,
-    prefix_errors,
-    write_json,
-    write_transaction,
-)
+from mpsnet_core.io import files as disk
 from mpsnet_core.io.from_files import takes_files
 from mpsnet_core.io.image import linear_to_srgb
 from mpsnet_core.io.image_writing import write_image, write_picture
@@ -148,9 +139,9 @@ def make_material(options: MakeMaterial, progress: Progress) -> MaterialMade:
     crop = parse_crop(options.crop) if options.crop else None
     length, pixels, ruler = _scale(options)
     name = _checked_name(options)
-    folder = creatable_folder(options.output, "material")
+    folder = disk.creatable_folder(options.output, "material")
     inputs = options.inputs(options.image, options.rig, options.camera, options.mesh)
-    check_no_overwrite(inputs, material_files(folder, name).values())
+    disk.check_no_overwrite(inputs, material_files(folder, name).values())
     estimate = partial(normals_by_photo, options) if options.model == BY_PHOTO else options.estimator()
     progress(0.0, f"reading {Path(options.image).name}")
     capture, width = _capture(options, ruler, crop)
@@ -215,7 +206,7 @@ def _checked_name(options: MakeMaterial) -> str:
     name = Path(options.image).stem if options.name is None else options.name
     if Path(name).name != name:
         raise SettingsError(f"--name {name} is not a file name; give the folder with -o")
-    if Path(options.output).suffix.lower() in IMAGE_SUFFIXES:
+    if Path(options.output).suffix.lower() in disk.IMAGE_SUFFIXES:
         raise SettingsError(f"--output {options.output} looks like an image file; give a folder for all of them")
     return name
 
@@ -224,7 +215,7 @@ def _capture(options: MakeMaterial, ruler: Ruler | None, crop: tuple[int, int, i
     """The part of the photo to use, and the whole photo's width in pixels."""
     [capture] = open_captures([options.source(options.image, options.rig, ALPHA_OR_NONE)], options.read_options())
     height, width = capture.mask.shape
-    with prefix_errors(options.image):
+    with disk.prefix_errors(options.image):
         if ruler:
             ruler.check_within(height, width)
         return crop_to_filled_part(capture, crop), width
@@ -243,7 +234,7 @@ def material_files(folder: AnyPath, name: str) -> dict[str, Path]:
     names = {what: f"{what}{suffix}" for what, suffix in PICTURES.items()} | {"material": "material.json"}
     files = {what: Path(folder) / f"{name}_{ending}" for what, ending in names.items()}
     for file in files.values():
-        check_own(file, derived=True, json_format=MATERIAL_FORMAT)
+        disk.check_own(file, derived=True, json_format=MATERIAL_FORMAT)
     return files
 
 
@@ -276,13 +267,13 @@ def write_material(
     FileError
         If the folder cannot be created or written, or another file would be overwritten.
     """
-    files = material_files(ensure_folder(folder, "material"), name)
+    files = material_files(disk.ensure_folder(folder, "material"), name)
     mask = np.ones(material.height.shape, bool)
     low, high = float(material.height.min()), float(material.height.max())
     bend = curvature_range(material.curvature, mask)
     description = {**_description(material, low, high, bend), "convention": convention}
-    with write_transaction():
-        write_json(files["material"], {**description, "files": {what: files[what].name for what in PICTURES}})
+    with disk.write_transaction():
+        disk.write_json(files["material"], {**description, "files": {what: files[what].name for what in PICTURES}})
         write_vectors(files["normal"], material.normals, convention=convention)
         told = made("material")
         write_image(files["height"], (material.height - low) / max(high - low, 1e-9), description=told)
