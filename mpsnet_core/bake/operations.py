@@ -10,7 +10,7 @@ from mpsnet_core.bake.presets import PRESETS, check_preset
 from mpsnet_core.capture.operations import ReadsPhotos
 from mpsnet_core.errors import SettingsError
 from mpsnet_core.estimate.operations import RunsModel
-from mpsnet_core.operation import Result, option
+from mpsnet_core.operation import Result, option, optional, output_option
 from mpsnet_core.progress import Progress, silent
 from mpsnet_core.scene.operations import TakesMesh
 
@@ -44,12 +44,12 @@ class MakesTextures(TakesMesh):
         },
         help="what the texture's normals are relative to",
     )
-    convention: Literal["opengl", "directx"] | None = option(
-        default=None,
+    # its value with the preset is recorded
+    convention: Literal["opengl", "directx"] | None = optional(
+        "which way the texture's green channel points",
         choices=defaults.CONVENTIONS,
-        help="which way the texture's green channel points",
         unset="opengl, or the preset's",
-        provenance="none",  # its value with the preset is recorded
+        provenance="none",
     )
     samples: int = option(
         default=1,
@@ -70,29 +70,27 @@ class MakesTextures(TakesMesh):
         },
         help="how to fill the texture beyond the UV islands, which mipmaps blend into the islands' borders",
     )
-    margin: int | None = option(
-        default=None,
+    margin: int | None = optional(
+        "pixels by which the texture extends beyond the UV islands",
         low=0,
         high=defaults.MAX_TEXTURE_SIZE,
-        help="pixels by which the texture extends beyond the UV islands",
         unset=f"{defaults.MARGIN}",
     )
-    bits: int | None = option(
-        default=None,
+    # their value with the preset is recorded
+    bits: int | None = optional(
+        "bits per channel of the texture",
         choices={8: "PNG and TIFF", 16: "all formats", 32: "TIFF and OpenEXR"},
-        help="bits per channel of the texture",
         unset="16 bits, 32 in OpenEXR; or the preset's",
-        provenance="none",  # their value with the preset is recorded
+        provenance="none",
     )
-    preset: str | None = option(
-        default=None,
+    preset: str | None = optional(
+        "convention, bit depth, format and automatic file name that a program expects; you can change each",
         metavar="NAME",
+        provenance="none",
         choices={
             name: f"written as {preset.stem('NAME')}{preset.suffix}, {preset.bits} bits per channel"
             for name, preset in PRESETS.items()
         },
-        help="convention, bit depth, format and automatic file name that a program expects; you can change each",
-        provenance="none",
     )
 
     def __post_init__(self) -> None:
@@ -114,13 +112,9 @@ class BakesDetail(MakesTextures):
 
     heading: ClassVar[str] = "the photos' detail"
 
-    level: str | None = option(
-        default=None,
-        metavar="on|off|SCALE",
-        help=LEVEL,
-        unset="off, or on with an existing map",
-        provenance="none",  # the parsed scale is recorded
-        numbers=True,
+    # the parsed scale is recorded
+    level: str | None = optional(
+        LEVEL, metavar="on|off|SCALE", unset="off, or on with an existing map", provenance="none", numbers=True
     )
     strength: float = option(
         default=1.0,
@@ -131,13 +125,11 @@ class BakesDetail(MakesTextures):
     fill: bool = option(
         default=False, help="fill what no view sees, by continuing the relief around it smoothly within each UV island"
     )
-    coverage: str | None = option(
-        default=None,
-        metavar="FOLDER",
-        help="folder for maps of what the views saw, named like the textures: white where seen, grey where filled, "
+    coverage: str | None = output_option(
+        "folder for maps of what the views saw, named like the textures: white where seen, grey where filled, "
         "else black",
+        metavar="FOLDER",
         path="folder",
-        provenance="none",
     )
     least_seen: float = option(
         default=0.0,
@@ -146,11 +138,10 @@ class BakesDetail(MakesTextures):
         help="write nothing if the views see less than this fraction of the surface",
         provenance="none",
     )
-    onto: str | None = option(
-        default=None,
-        metavar="MAP",
-        help="normal map (tangent space, same UVs) to add the detail to; <OBJECT>, <MATERIAL> and <UDIM> in "
+    onto: str | None = optional(
+        "normal map (tangent space, same UVs) to add the detail to; <OBJECT>, <MATERIAL> and <UDIM> in "
         "its name stand for those of each texture; or a .json file that lists several maps",
+        metavar="MAP",
         path="file",
         provenance="files",
     )
@@ -314,10 +305,9 @@ class BakeViews(RunsModel, ReadsPhotos, BakesDetail):
         "NAME.camera.json",
         path="file",
     )
-    photos: str | None = option(
-        default=None,
+    photos: str | None = optional(
+        "folder of these cameras' photos",
         metavar="FOLDER",
-        help="folder of these cameras' photos",
         unset="the photos that the add-on's file of cameras names",
         path="folder",
     )
@@ -344,31 +334,25 @@ class BakeViews(RunsModel, ReadsPhotos, BakesDetail):
         path="folder",
         provenance="none",  # recorded per view
     )
-    passes: Literal[1, 3] | None = option(
-        default=None,
+    passes: Literal[1, 3] | None = optional(
+        "passes of the network over each photo",
         choices={
             1: "takes a sixth to half of the time",
             3: "averages the results for the scene rotated and mirrored, and estimates a second time without the "
             "albedo",
         },
-        help="passes of the network over each photo",
         unset="3 for the default model",
         provenance="none",
     )
     level: str | None = option(default="on", metavar="on|off|SCALE", help=LEVEL, numbers=True)
-    keep: str | None = option(
-        default=None,
+    keep: str | None = output_option(
+        "folder for each view's normals and albedo; the next run reuses them",
         metavar="FOLDER",
-        help="folder for each view's normals and albedo; the next run reuses them",
         unset="they are not kept",
         path="folder",
-        provenance="none",
     )
-    report: str | None = option(
-        default=None,
-        metavar="FILE",
-        help="write an HTML page that shows which views cover what and how much they disagree",
-        provenance="none",
+    report: str | None = output_option(
+        "write an HTML page that shows which views cover what and how much they disagree"
     )
     json: str | None = option(default=None, metavar="FILE", help="write the same figures as JSON", provenance="none")
     output: str = option(

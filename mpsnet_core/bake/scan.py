@@ -9,7 +9,7 @@ from mpsnet_core.capture.operations import ReadsPhotos
 from mpsnet_core.defaults import MASK, MAX_FOCAL, MIN_FOCAL
 from mpsnet_core.estimate.alignment.operation import Align
 from mpsnet_core.estimate.operations import Estimate, RunsModel
-from mpsnet_core.operation import Operation, Result, option, settings
+from mpsnet_core.operation import Operation, Result, option, optional, settings
 from mpsnet_core.progress import Progress, part, silent
 from mpsnet_core.scene.operations import TakesMesh
 
@@ -39,12 +39,11 @@ class Scan(TakesMesh, RunsModel, ReadsPhotos):
     image: str = option(positional=True, help="photo of the object under the three lights")
     mesh: str = option(help="the object's mesh, with UVs", path="file", provenance="content")
     mask: str = option(default=MASK, help="where the object is, as in `estimate`")
-    focal: float | None = option(
-        default=None,
+    focal: float | None = optional(
+        "35 mm equivalent focal length of the lens, in millimetres",
         metavar="MM",
         low=MIN_FOCAL,
         high=MAX_FOCAL,
-        help="35 mm equivalent focal length of the lens, in millimetres",
         unset="estimated too",
     )
     size: str = option(default="2048", metavar="N|WxH", help="texels along the texture's sides", numbers=True)

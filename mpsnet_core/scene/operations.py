@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, ClassVar, Literal
 
 from mpsnet_core.defaults import CONVENTIONS, ENCODINGS
 from mpsnet_core.errors import SettingsError
-from mpsnet_core.operation import Operation, Result, option
+from mpsnet_core.operation import Operation, Result, option, optional
 from mpsnet_core.progress import Progress, silent
 
 if TYPE_CHECKING:
@@ -170,10 +170,8 @@ class CompareNormals(Operation):
     truth: str = option(
         help="the true normal map; with --camera, Blender's OpenEXR with the passes Normal and Combined"
     )
-    camera: str | None = option(
-        default=None,
-        help="camera file of the view, if the true normals are in world space",
-        unset="they are in camera space",
+    camera: str | None = optional(
+        "camera file of the view, if the true normals are in world space", unset="they are in camera space"
     )
     convention: Literal["opengl", "directx"] = option(
         default="opengl", choices=CONVENTIONS, help="which way the green channel of the normal map points"
