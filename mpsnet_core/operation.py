@@ -179,7 +179,7 @@ def _plain_data(value: Any) -> Any:
     return _facts(value) if dataclasses.is_dataclass(value) else value
 
 
-@dataclass_transform(kw_only_default=True, frozen_default=True, field_specifiers=(option,))
+@dataclass_transform(kw_only_default=True, frozen_default=True, field_specifiers=(option, optional, output_option))
 @dataclass(frozen=True)
 class Operation:
     """One task with all its inputs and settings. :meth:`run` carries it out.
