@@ -181,21 +181,13 @@ def write_textures(
         coverage = plan.coverage / file.name if plan.coverage else None
         if coverage is not None:
             write_coverage(coverage, texture)
-        filled = texture.filled_fraction
-        written = WrittenTexture(
-            str(file),
-            round(texture.seen_fraction, 4),
-            None if filled is None else round(filled, 4),
-            int(texture.covered.sum()),
-            texture_set.tile,
-            texture_set.material,
-            texture_set.object,
-            str(albedo) if albedo else None,
-            str(coverage) if coverage else None,
-            str(pattern) if tiled else None,
-            str(albedo_file(pattern)) if tiled and albedo else None,
-            str(coverage.with_name(pattern.name)) if tiled and coverage else None,
-        )
+        share = texture.filled_fraction
+        filled, texels = None if share is None else round(share, 4), int(texture.covered.sum())
+        parts = texture_set.tile, texture_set.material, texture_set.object
+        of_all = pattern, albedo and albedo_file(pattern), coverage and coverage.with_name(pattern.name)
+        paths = (albedo, coverage, *(of_all if tiled else (None,) * 3))
+        names = [str(one) if one else None for one in paths]
+        written = WrittenTexture(str(file), round(texture.seen_fraction, 4), filled, texels, *parts, *names)
         yield texture_set, written, texture
         del texture
 

@@ -183,9 +183,8 @@ class _Document:
             mode, attributes = one.get("mode", TRIANGLES), one["attributes"]
             if mode < TRIANGLES or "POSITION" not in attributes:
                 continue
-            vertices, normals, tangents = (
-                self.morphed(one, name, weights) for name in ("POSITION", "NORMAL", "TANGENT")
-            )
+            names = "POSITION", "NORMAL", "TANGENT"
+            vertices, normals, tangents = (self.morphed(one, name, weights) for name in names)
             assert vertices is not None
             uvs = self.values(attributes["TEXCOORD_0"], 2) if "TEXCOORD_0" in attributes else None
             indices = one.get("indices")
@@ -195,17 +194,9 @@ class _Document:
                     raise ValueError("attributes of different counts")
             if tangents is not None:
                 tangents = None if normals is None else self.checked(tangents)
-            material = one.get("material")
-            yield Part(
-                "",
-                "" if material is None else str(self.materials[material].get("name", "")),
-                np.eye(4),
-                _triangles(order, mode),
-                vertices,
-                normals,
-                tangents,
-                None if uvs is None else uvs * (1, -1) + (0, 1),
-            )
+            material = "" if "material" not in one else str(self.materials[one["material"]].get("name", ""))
+            uvs = None if uvs is None else uvs * (1, -1) + (0, 1)
+            yield Part("", material, np.eye(4), _triangles(order, mode), vertices, normals, tangents, uvs)
 
     def morphed(self, primitive: dict[str, Any], name: str, weights: Sequence[float]) -> F64 | None:
         """An attribute plus the weighted offsets of its morph targets, None if there is no such attribute."""

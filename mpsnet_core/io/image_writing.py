@@ -58,15 +58,8 @@ def write_image(
             f"{path}: an array of shape {pixels.shape} is not an image; give rows and columns, and one to four channels"
         )
     pixels = pixels if pixels.ndim == 3 else pixels[..., None]
-    height, width, channels = pixels.shape
-    write_bands(
-        path,
-        (height, width, channels),
-        lambda rows: pixels[rows],
-        bits=bits,
-        color_space=color_space,
-        description=description,
-    )
+    shape, band = (len(pixels), *pixels.shape[1:]), pixels.__getitem__
+    write_bands(path, shape, band, bits=bits, color_space=color_space, description=description)
 
 
 def write_photo(

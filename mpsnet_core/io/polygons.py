@@ -121,16 +121,11 @@ def read_obj(path: Path) -> Polygons:
         raise GeometryError("it has no faces; choose a mesh with a surface")
     v, vt, vn = np.array(corners).T
     of_faces = {key: _runs(starts, len(sizes)) for key, starts in named.items()}
-    return Polygons(
-        np.array(values["v"]),
-        v,
-        np.array(sizes),
-        None if (vt < 0).all() else _of_corners(values["vt"], vt),
-        _of_corners(values["vn"], vn) if values["vn"] else None,
-        smoothing=_smoothing(of_faces["s"], of_faces["o"], bool(values["vn"])),
-        materials=of_faces["usemtl"] if named["usemtl"] else None,
-        objects=of_faces["o"] if named["o"] else None,
-    )
+    uvs = None if (vt < 0).all() else _of_corners(values["vt"], vt)
+    normals = _of_corners(values["vn"], vn) if values["vn"] else None
+    smoothing = _smoothing(of_faces["s"], of_faces["o"], bool(values["vn"]))
+    labels = (of_faces[what] if named[what] else None for what in ("usemtl", "o"))
+    return Polygons(np.array(values["v"]), v, np.array(sizes), uvs, normals, None, smoothing, *labels)
 
 
 def _text_of(path: Path) -> str:
@@ -249,30 +244,23 @@ def read_ply(path: Path) -> Polygons:
 
     Raises FormatError, without the file's name, if it is damaged.
     """
-    found, textures = _values_of(path)
-    vertex, face = (found.get(name, NOTHING) for name in ("vertex", "face"))
+    elements, textures = _values_of(path)
+    vertex, face = (elements.get(name, NOTHING) for name in ("vertex", "face"))
     vertices = vertex.columns("xyz")
     if vertices is None:
         raise FormatError("it has no vertices with x, y and z; export it again")
-    if unknown := sorted(found.keys() - KNOWN):
+    if unknown := sorted(elements.keys() - KNOWN):
         log.warning(
             f"mesh file {path}: its elements {', '.join(unknown)[:99]} are not read; export UVs and texture numbers "
             "with its faces"
         )
     lists, sizes = face.list(_INDICES)
     corners = checked_indices(lists, len(vertices))
-    strips = _strips(found.get("tristrips", NOTHING), len(vertices))
+    strips = _strips(elements.get("tristrips", NOTHING), len(vertices))
     corners, sizes = np.concatenate([corners, strips.ravel()]), np.concatenate([sizes, np.full(len(strips), 3)])
-    normals = vertex.columns(("nx", "ny", "nz"))
-    return Polygons(
-        vertices,
-        corners,
-        sizes,
-        _uvs(vertex, face, corners, sizes, len(strips)),
-        None if normals is None else normals[corners],
-        smoothing=None if normals is None else np.ones(len(sizes), np.int64),
-        materials=_pages(face, textures, len(sizes)),
-    )
+    found, uvs = vertex.columns(("nx", "ny", "nz")), _uvs(vertex, face, corners, sizes, len(strips))
+    normals, smooth = (None, None) if found is None else (found[corners], np.ones(len(sizes), np.int64))
+    return Polygons(vertices, corners, sizes, uvs, normals, None, smooth, _pages(face, textures, len(sizes)))
 
 
 def _uvs(vertex: Values, face: Values, corners: I64, sizes: I64, strips: int) -> F64 | None:

@@ -202,17 +202,15 @@ def _surface(options: Integrate, progress: Progress) -> Surface:
         box = grained_box(normals.mask) if kept is None else (slice(0, height), slice(0, width))
         if kept is None:
             normals = _cropped(normals, box)  # the rest is released: a large photo's takes much memory
-        heights = integrate(
-            normals,
+        inner, step = (
             camera.cropped(box[1].start, box[0].start, *normals.mask.shape[::-1]),
-            method=options.method,
-            distance=options.distance if perspective else None,
-            progress=part(progress, 0.0, to_occlusion),
+            part(progress, 0, to_occlusion),
         )
+        distance = options.distance if perspective else None
+        heights = integrate(normals, inner, method=options.method, distance=distance, progress=step)
         if options.occlusion:
-            occlusion = ambient_occlusion(
-                heights, normals, reach=options.occlusion_reach, progress=part(progress, to_occlusion, 1.0)
-            )
+            step = part(progress, to_occlusion, 1.0)
+            occlusion = ambient_occlusion(heights, normals, reach=options.occlusion_reach, progress=step)
             occlusion = _placed(occlusion, box, (height, width), 1)
         del normals
         values = _placed(heights.values, box, (height, width), 0)

@@ -131,14 +131,9 @@ def _leaves(errors: F32, mask: Bools, tolerance: float, side: int, picture: tupl
     top_left = rows * width + columns
     top_right, bottom_left, bottom_right = top_left + side, top_left + side * width, top_left + side * (width + 1)
     falling = (rows + columns) // side % 2 == 0
-    halves = [
-        np.where(
-            falling, np.stack([bottom_right, top_left, bottom_left]), np.stack([bottom_left, top_right, top_left])
-        ),
-        np.where(
-            falling, np.stack([top_left, bottom_right, top_right]), np.stack([top_right, bottom_left, bottom_right])
-        ),
-    ]
+    lower = [bottom_right, top_left, bottom_left], [bottom_left, top_right, top_left]
+    upper = [top_left, bottom_right, top_right], [top_right, bottom_left, bottom_right]
+    halves = [np.where(falling, np.stack(one), np.stack(other)) for one, other in (lower, upper)]
     # The two ends of the longest side, and the opposite corner.
     one, other, corner = np.concatenate(halves, axis=1)
     flat, inside = errors.ravel(), mask.ravel()

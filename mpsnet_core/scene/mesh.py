@@ -309,19 +309,17 @@ def _read_npz(path: Path, shape_only: bool) -> Mesh:
         raise FormatError(f"it is not a {MESH_FORMAT} file; export it with the add-on")
     if not np.array_equal(arrays.get("version", 0), MESH_VERSION):
         raise FormatError(f"it is version {arrays.get('version')}, this program reads {MESH_VERSION}; update it")
-    missing = [name for name in ("vertices", "triangles", "corner_normals", "uvs") if name not in arrays]
+    needed = ("vertices", "triangles", "corner_normals", "uvs")
+    missing = [name for name in needed if name not in arrays]
     if missing:
         raise FormatError(f'it lacks "{missing[0]}"; export it again')
-    return Mesh(
-        arrays["vertices"],
-        arrays["triangles"],
-        arrays["corner_normals"],
-        _no_uvs(len(np.atleast_1d(arrays["triangles"]))) if shape_only else arrays["uvs"],
-        arrays.get("tangents"),
+    vertices, triangles, normals, uvs = (arrays[name] for name in needed)
+    uvs, pose = (
+        _no_uvs(len(np.atleast_1d(triangles))) if shape_only else uvs,
         arrays.get("world_from_object", np.eye(4)),
-        **_labels_of_arrays(arrays),
-        polygons=arrays.get("triangle_polygon"),
     )
+    polygons, labels = arrays.get("triangle_polygon"), _labels_of_arrays(arrays)
+    return Mesh(vertices, triangles, normals, uvs, arrays.get("tangents"), pose, **labels, polygons=polygons)
 
 
 def _of_polygons(found: Polygons, shape_only: bool, world_from_object: F64 | None = None) -> Mesh:
@@ -340,16 +338,10 @@ def _of_polygons(found: Polygons, shape_only: bool, world_from_object: F64 | Non
             who = "it has" if without.all() else "some of its faces have"
             raise GeometryError(f"{who} no UVs; unwrap it in Blender (UV > Smart UV Project) and export it with UVs")
         uvs = found.uvs[order]
-    mesh = Mesh(
-        found.vertices,
-        found.corners[order].astype(np.int32),
-        _shaded(found)[order],
-        uvs,
-        world_from_object=np.eye(4) if world_from_object is None else world_from_object,
-        materials=_labels(found.materials, found.sizes - 2),
-        objects=_labels(found.objects, found.sizes - 2),
-        polygons=np.repeat(np.arange(len(found.sizes)), found.sizes - 2),
-    )
+    counts, pose = found.sizes - 2, np.eye(4) if world_from_object is None else world_from_object
+    labels, polygons = [_labels(runs, counts) for runs in (found.materials, found.objects)], np.arange(len(counts))
+    triangles, normals = found.corners[order].astype(np.int32), _shaded(found)[order]
+    mesh = Mesh(found.vertices, triangles, normals, uvs, None, pose, *labels, np.repeat(polygons, counts))
     if found.tangents is None or shape_only:
         return mesh
     given = found.tangents[order]
@@ -402,28 +394,18 @@ def _read_glb(path: Path, shape_only: bool) -> Mesh:
     counts = [len(part.triangles) for part in placed]
 
     def joined(name: str, width: int) -> F64:
-        values = [getattr(part, name) for part in placed]
-        rows = np.concatenate(
-            [
-                np.full((len(part.vertices), width), np.nan) if value is None else value
-                for part, value in zip(placed, values, strict=True)
-            ]
-        )
-        return rows[corners]
+        values = [(getattr(part, name), np.full((len(part.vertices), width), np.nan)) for part in placed]
+        return np.concatenate([none if given is None else given for given, none in values])[corners]
 
-    found = Polygons(
-        np.concatenate([part.vertices for part in placed]),
-        corners,
-        np.full(sum(counts), 3),
-        joined("uvs", 2),
-        joined("normals", 3),
-        joined("tangents", 4) if any(part.tangents is not None for part in placed) else None,
-        np.repeat([0 if part.normals is None else number for number, part in enumerate(placed, 1)], counts),
-        list(zip([part.material for part in placed], counts, strict=True))
-        if any(part.material for part in placed)
-        else None,
-        list(zip([part.name for part in placed], counts, strict=True)),
+    vertices, sizes = np.concatenate([part.vertices for part in placed]), np.full(sum(counts), 3)
+    tangents = joined("tangents", 4) if any(part.tangents is not None for part in placed) else None
+    smooth = np.repeat([0 if part.normals is None else number for number, part in enumerate(placed, 1)], counts)
+    materials, objects = (
+        [(getattr(part, what), len(part.triangles)) for part in placed] for what in ("material", "name")
     )
+    materials = materials if any(name for name, _ in materials) else None
+    shading = joined("uvs", 2), joined("normals", 3), tangents, smooth
+    found = Polygons(vertices, corners, sizes, *shading, materials, objects)
     if found.tangents is not None and found.uvs is not None and _are_mirrored(found.tangents, found.uvs):
         log.warning(
             f"mesh file {path}: the handedness of most of its tangents contradicts its UVs; the texture fits these "

@@ -132,13 +132,9 @@ def displacement(
 
 def _measured(values: F32, covered: Bools, areas: Floats, trust: Floats, apart: Floats) -> Displacement:
     """The heights with their statistics. areas, trust: of the covered texels. apart: differences of height at seams."""
-    return Displacement(
-        values,
-        covered,
-        texel=float(np.sqrt(areas.mean())),
-        seam_step=float(np.sqrt(np.mean(apart**2))) if len(apart) else 0.0,
-        contradicted=float(areas[trust < 0.5].sum() / areas.sum()),
-    )
+    seam_step = float(np.sqrt(np.mean(apart**2))) if len(apart) else 0.0
+    contradicted = float(areas[trust < 0.5].sum() / areas.sum())
+    return Displacement(values, covered, float(np.sqrt(areas.mean())), seam_step, contradicted)
 
 
 def _layouts(mesh: Mesh, base: Mesh | None, size: int) -> tuple[Layout, Layout]:

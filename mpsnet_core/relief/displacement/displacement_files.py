@@ -59,30 +59,21 @@ def write_displacement(options: Integrate, progress: Progress) -> HeightsOnUVs:
     chosen = texture_sets([mesh], tiles=tiled)
     if tiled:
         chosen = _with_texels(chosen, options.normals, mesh)
-    normals, outputs, turned = (
-        _files(name, chosen, tiled) for name in (options.normals, options.height, options.object_space)
-    )
+    names = options.normals, options.height, options.object_space
+    normals, outputs, turned = (_files(name, chosen, tiled) for name in names)
     taken = [*normals, Path(options.uvs), *([Path(options.base)] if options.base else [])]
     files = _checked_outputs(outputs, turned, options.height_bits, taken)
     tiles = tiles_of(chosen)
     progress(0.05, f"reading {Path(options.normals).name}")
     vectors = tiles.joined(read_normals(file, convention=options.convention).vectors for file in normals)
     laid = tiles.mesh(mesh) if tiled else mesh
-    found = displacement(
-        vectors,
-        laid,
-        space=options.space,
-        base=tiles.mesh(base_mesh) if tiled and base_mesh else base_mesh,
-        scale=options.scale,
-        mean=options.mean,
-        margin=options.margin,
-        progress=part(progress, 0.1, 0.9),
-    )
+    base = tiles.mesh(base_mesh) if tiled and base_mesh else base_mesh
+    how = {name: getattr(options, name) for name in ("space", "scale", "mean", "margin")}
+    found = displacement(vectors, laid, base=base, **how, progress=part(progress, 0.1, 0.9))
     progress(0.9, f"writing {Path(options.height).name}")
     with write_transaction():
-        means = _write_heights(
-            dict(zip(outputs, tiles.parted(found.values), strict=True)), found, options.height_bits, unit
-        )
+        parts = dict(zip(outputs, tiles.parted(found.values), strict=True))
+        means = _write_heights(parts, found, options.height_bits, unit)
         if turned:
             _write_normals(dict(zip(turned, tiles.parted(object_normals(vectors, laid, options.margin)), strict=True)))
     inside = found.values[found.covered]
@@ -137,11 +128,8 @@ def _with_texels(chosen: list[TextureSet], normals: str, mesh: Mesh) -> list[Tex
         corners = texel_coordinates(mesh.uvs[texture_set.parts[0]] - np.array(texture_set.corner, float), size)
         return bool((triangle_of_texel(corners, size) >= 0).any())
 
-    return [
-        texture_set
-        for texture_set, file in zip(chosen, textures, strict=True)
-        if file.is_file() or has_texels(texture_set)
-    ]
+    both = zip(chosen, textures, strict=True)
+    return [texture_set for texture_set, file in both if file.is_file() or has_texels(texture_set)]
 
 
 def _write_heights(parts: Mapping[Path, F32], found: Displacement, bits: int | None, unit: str) -> HeightScale:

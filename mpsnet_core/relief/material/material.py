@@ -123,17 +123,9 @@ def _material(pictures: F32, cut: Bools, tiling: Tiling, tilt: float, pixel_mm: 
     normals = flatten.normals_of(gradients)
     width_mm, height_mm = (float(np.linalg.norm(step)) * pixel_mm for step in (tiling.right, tiling.down))
     pitch = width_mm / cut.shape[1], height_mm / cut.shape[0]
-    return Material(
-        normals,
-        flatten.periodic_height(gradients, pitch),
-        _repeated_curvature(normals, pitch),
-        _within_range(np.exp(pictures[..., 2:])),
-        width_mm,
-        height_mm,
-        tiling,
-        measure_seam(normals, cut),
-        tilt,
-    )
+    height, bent = flatten.periodic_height(gradients, pitch), _repeated_curvature(normals, pitch)
+    albedo, seam = _within_range(np.exp(pictures[..., 2:])), measure_seam(normals, cut)
+    return Material(normals, height, bent, albedo, width_mm, height_mm, tiling, seam, tilt)
 
 
 def check_material(size: int | None, overlap: float, bend: int) -> None:
@@ -181,17 +173,9 @@ def crop_to_filled_part(capture: Capture, crop: tuple[int, int, int, int] | None
     missing = 1 - float(capture.mask[part].mean())
     if missing:
         raise GeometryError(f"a flat material fills the photo, but {missing:.1%} of it is transparent; crop it")
-    camera = capture.camera
-    if camera is not None:
-        camera = camera.cropped(left, top, width, height)
-    return replace(
-        capture,
-        image=capture.image[part],
-        mask=capture.mask[part],
-        camera=camera,
-        depth=None if capture.depth is None else capture.depth[part],
-        clipped=None if capture.clipped is None else capture.clipped[part],
-    )
+    camera = capture.camera and capture.camera.cropped(left, top, width, height)
+    arrays = {name: getattr(capture, name) for name in ("image", "mask", "depth", "clipped")}
+    return replace(capture, camera=camera, **{name: None if one is None else one[part] for name, one in arrays.items()})
 
 
 def _flatten(capture: Capture, normals: NormalMap, bend: int, grey: bool, progress: Progress) -> tuple[F32, float]:

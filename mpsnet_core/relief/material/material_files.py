@@ -145,16 +145,9 @@ def make_material(options: MakeMaterial, progress: Progress) -> MaterialMade:
     estimate = partial(normals_by_photo, options) if options.model == BY_PHOTO else options.estimator()
     progress(0.0, f"reading {Path(options.image).name}")
     capture, width = _capture(options, ruler, crop)
-    material = flat_material(
-        capture,
-        estimate(capture, part(progress, 0.05, 0.5)),
-        length / (pixels or width),
-        size=options.size,
-        overlap=options.overlap,
-        bend=options.bend,
-        grey=options.grey,
-        progress=part(progress, 0.5, 0.85),
-    )
+    how = {name: getattr(options, name) for name in ("size", "overlap", "bend", "grey")}
+    normals, step = estimate(capture, part(progress, 0.05, 0.5)), part(progress, 0.5, 0.85)
+    material = flat_material(capture, normals, length / (pixels or width), **how, progress=step)
     progress(0.85, f"writing {folder.name}")
     files = write_material(folder, name, material, convention=options.convention)
     progress(1.0, "done")
@@ -182,10 +175,8 @@ def normals_by_photo(options: MakeMaterial, capture: Capture, progress: Progress
     network = replace(options, model=DEFAULT_MODEL).estimator()(capture, progress)
     steep = [float(np.arccos(np.clip(one.vectors[capture.mask][:, 2], -1, 1)).mean()) for one in (matt, network)]
     glossy = steep[0] > GLOSSY * steep[1]
-    log.info(
-        "the photo shows a %s material: its normals are those of %s",
-        *(("glossy", DEFAULT_MODEL) if glossy else ("matt", LAMBERTIAN_GREY_WORLD)),
-    )
+    kind, model = ("glossy", DEFAULT_MODEL) if glossy else ("matt", LAMBERTIAN_GREY_WORLD)
+    log.info(f"the photo shows a {kind} material: its normals are those of {model}")
     return network if glossy else matt
 
 

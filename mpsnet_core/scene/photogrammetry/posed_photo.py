@@ -342,10 +342,6 @@ def turned(posed: PosedPhoto, orientation: int) -> PosedPhoto:
     roll[:2, :2] = [[turn[0, 0], -turn[0, 1]], [-turn[1, 0], turn[1, 1]]]  # the same rotation with y up
     right, down = (turn @ lens.tangential).tolist()
     affinity = (turn @ np.array(lens.affinity) @ turn.T).tolist()
-    return PosedPhoto(
-        posed.photo,
-        Camera(
-            camera.projection, width, height, np.abs(turn @ camera.focal), centre, camera.world_from_camera @ roll.T
-        ),
-        Lens(lens.radial, lens.divisor, (right, down), (tuple(affinity[0]), tuple(affinity[1]))),
-    )
+    focal, pose = np.abs(turn @ camera.focal), camera.world_from_camera @ roll.T
+    turned_lens = Lens(lens.radial, lens.divisor, (right, down), (tuple(affinity[0]), tuple(affinity[1])))
+    return PosedPhoto(posed.photo, Camera(camera.projection, width, height, focal, centre, pose), turned_lens)
