@@ -1,16 +1,14 @@
-"""Short names for the types of arrays, as NumPy calls them: single and double precision."""
+"""Short names of the types of arrays, by which signatures stay on one line: F32 is an array of float32."""
 
-import os
-from typing import Any, TypeAlias
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-Bools: TypeAlias = NDArray[np.bool_]
-Singles: TypeAlias = NDArray[np.float32]
-Doubles: TypeAlias = NDArray[np.float64]
-Floats: TypeAlias = NDArray[np.floating[Any]]
-"""Single or double precision, or half floats."""
-Indices: TypeAlias = NDArray[np.intp]
-Integers: TypeAlias = NDArray[np.int64]
-StrPath: TypeAlias = str | os.PathLike[str]
+F32 = NDArray[np.float32]
+F64 = NDArray[np.float64]
+Floats = NDArray[np.floating[Any]]
+I32 = NDArray[np.int32]
+I64 = NDArray[np.int64]
+Bools = NDArray[np.bool_]
+Indices = NDArray[np.intp]

@@ -5,8 +5,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from mpsnet_core.arrays.robust_statistics import biweight, deviation
-from mpsnet_core.arrays.types import Bools, Doubles
+from mpsnet_core.arrays.statistics import biweight, deviation
+from mpsnet_core.arrays.types import F64, Bools
 from mpsnet_core.arrays.unit_vectors import dot, normalised
 from mpsnet_core.errors import GeometryError, SettingsError
 from mpsnet_core.scene.camera import Camera
@@ -36,7 +36,7 @@ class Circle:
         if not np.isfinite([self.x, self.y, self.radius]).all() or self.radius <= 0:
             raise SettingsError("a circle is x,y,r: finite numbers of pixels, with a radius above 0")
 
-    def points(self, count: int = HAND_POINTS) -> Doubles:
+    def points(self, count: int = HAND_POINTS) -> F64:
         """(count, 2) evenly spaced points on the circle."""
         turn = 2 * np.pi * np.arange(count) / count
         return np.stack([self.x + self.radius * np.cos(turn), self.y + self.radius * np.sin(turn)], axis=-1)
@@ -46,7 +46,7 @@ class Circle:
 class Ball:
     """A ball in front of a camera."""
 
-    centre: Doubles
+    centre: F64
     """(3,) float64. Position in camera space. With a perspective camera, in the unit of the given radius, else in ball
     radii. With an orthographic camera, in its world unit; the depth is unknown, and z is 0."""
     radius: float
@@ -57,12 +57,12 @@ class Ball:
     """RMS distance of the outline's inliers from the fit, in pixels."""
     seen: float
     """Share of the outline that was found, 0 to 1."""
-    covariance: Doubles
+    covariance: F64
     """(3, 3) float64. Covariance of the outline's centre x, y and radius, in pixels squared."""
     by_hand: bool = False
     """Whether the user drew the outline; residual and seen are then meaningless."""
 
-    def outline(self, count: int = HAND_POINTS) -> Doubles:
+    def outline(self, count: int = HAND_POINTS) -> F64:
         """(count, 2) points of the outline in the photo: a circle, or an ellipse under perspective."""
         turn = 2 * np.pi * np.arange(count) / count
         if self.camera.projection == "orthographic":
@@ -110,7 +110,7 @@ def at_origin(camera: Camera) -> Camera:
     return camera if is_there else replace(camera, world_from_camera=np.eye(4))
 
 
-def projected(camera: Camera, points: ArrayLike) -> Doubles:
+def projected(camera: Camera, points: ArrayLike) -> F64:
     """(N, 2) pixels of camera-space points (N, 3)."""
     x, y, z = np.asarray(points, np.float64).T
     deep = 1.0 if camera.projection == "orthographic" else -z
@@ -127,7 +127,7 @@ def fit_ball(points: ArrayLike, camera: Camera, radius: float = 1.0) -> Ball:
     suppresses outliers. Raises GeometryError if no ball fits.
     """
     points = np.asarray(points, np.float64)
-    weight: Doubles = np.ones(len(points))
+    weight: F64 = np.ones(len(points))
     for turn in range(ROUNDS):
         centre, size = _solved(points, weight, camera, radius)
         error = _outline_error(points, centre, size, camera)
@@ -168,7 +168,7 @@ def ball_from_mask(mask: Bools, camera: Camera, radius: float = 1.0) -> Ball:
     return fit_ball(points[(x > 0) & (x < width) & (y > 0) & (y < height)], camera, radius)
 
 
-def surface(ball: Ball, points: ArrayLike) -> tuple[Doubles, Doubles, Doubles]:
+def surface(ball: Ball, points: ArrayLike) -> tuple[F64, F64, F64]:
     """The ball's surface at points (N, 2) of the photo: position, unit normal and unit direction to the camera.
 
     Each is (N, 3) in camera space. Points outside the outline use the nearest tangent ray.
@@ -184,7 +184,7 @@ def surface(ball: Ball, points: ArrayLike) -> tuple[Doubles, Doubles, Doubles]:
     return place, normalised(place - ball.centre), -away
 
 
-def mirrored(ball: Ball, points: ArrayLike) -> tuple[Doubles, Doubles]:
+def mirrored(ball: Ball, points: ArrayLike) -> tuple[F64, F64]:
     """Position on the ball and mirrored viewing direction at points (N, 2) of the photo; each (N, 3).
 
     The direction is 2 (n·v) n − v, where n is the normal and v the direction to the camera.
@@ -193,7 +193,7 @@ def mirrored(ball: Ball, points: ArrayLike) -> tuple[Doubles, Doubles]:
     return place, 2 * dot(normal, back)[:, None] * normal - back
 
 
-def _solved(points: Doubles, weight: Doubles, camera: Camera, radius: float) -> tuple[Doubles, float]:
+def _solved(points: F64, weight: F64, camera: Camera, radius: float) -> tuple[F64, float]:
     if (weight > 0).sum() < 5:
         raise GeometryError(NO_FIT)
     origins, away = at_origin(camera).rays(points)
@@ -213,14 +213,14 @@ def _solved(points: Doubles, weight: Doubles, camera: Camera, radius: float) -> 
     return axis / length * radius / np.sqrt(1 - 1 / length**2), radius
 
 
-def _outline_error(points: Doubles, centre: Doubles, radius: float, camera: Camera) -> Doubles:
+def _outline_error(points: F64, centre: F64, radius: float, camera: Camera) -> F64:
     """(N,) signed distance of points from the ball's outline in pixels, positive outside."""
     origins, away = at_origin(camera).rays(points)
     focal = float(camera.focal.mean())
     if camera.projection == "orthographic":
-        across: Doubles = np.linalg.norm(origins[:, :2] - centre[:2], axis=1) - radius
+        across: F64 = np.linalg.norm(origins[:, :2] - centre[:2], axis=1) - radius
         return across * focal
     distance = np.linalg.norm(centre)
     sine_to_centre = np.linalg.norm(np.cross(away, centre / distance), axis=1)
-    angle: Doubles = np.arcsin(np.clip(sine_to_centre, 0, 1)) - np.arcsin(radius / distance)
+    angle: F64 = np.arcsin(np.clip(sine_to_centre, 0, 1)) - np.arcsin(radius / distance)
     return angle * focal

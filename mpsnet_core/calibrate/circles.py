@@ -7,10 +7,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from mpsnet_core.arrays.bilinear import bilinear
-from mpsnet_core.arrays.block_means import block_means
 from mpsnet_core.arrays.mask_regions import box_sums, dilated
-from mpsnet_core.arrays.types import Bools, Doubles, Singles
+from mpsnet_core.arrays.resampling import bilinear, block_means
+from mpsnet_core.arrays.types import F32, F64, Bools
 from mpsnet_core.calibrate.ball import Ball, Circle, fit_ball
 from mpsnet_core.errors import GeometryError
 from mpsnet_core.scene.camera import Camera
@@ -41,10 +40,10 @@ NOISE_LINES, NOISE_REACH = 10, 0.06
 class Pyramid:
     """A photo's brightness, also reduced by 2, 4, 8 ..., each computed on first use."""
 
-    def __init__(self, image: Singles) -> None:
+    def __init__(self, image: F32) -> None:
         self._levels = [image.sum(axis=-1, keepdims=True)]
 
-    def level(self, radius: float, wanted: float) -> tuple[Singles, int]:
+    def level(self, radius: float, wanted: float) -> tuple[F32, int]:
         """(H, W) the smallest level where a circle of `radius` pixels has at least `wanted`, and its factor."""
         number = max(0, int(np.floor(np.log2(max(radius, 1) / wanted))))
         while len(self._levels) <= number:
@@ -82,15 +81,15 @@ def sharp_outline(photo: Pyramid, ball: Ball, *, mirror: bool) -> Ball:
 class _Edges:
     """Gradients of an image along lines across a ball's outline."""
 
-    outline: Doubles
+    outline: F64
     """(LINES, 2). Points where the lines cross the outline, in the photo's pixels."""
-    across: Doubles
+    across: F64
     """(LINES, 2). Directions of the lines."""
-    offsets: Doubles
+    offsets: F64
     """(N,). Positions along each line, in pixels."""
-    gradients: Doubles
+    gradients: F64
     """(LINES, N). Gradients."""
-    noise_levels: Doubles
+    noise_levels: F64
     """(LINES,). Local median of the gradients."""
     has_edge: Bools
     """(LINES,). Whether the surrounding arc has an edge above noise within reach."""
@@ -119,7 +118,7 @@ class _Edges:
             span /= 2.5
         return float(best[0]), float(best[1]), float(best[2])
 
-    def steepest(self) -> tuple[Doubles, Bools]:
+    def steepest(self) -> tuple[F64, Bools]:
         """(N, 2) the steepest point on each line, interpolated, and (N,) whether it is an edge above noise."""
         weighted = self.gradients * np.exp(-((self.offsets / self.reach) ** 2))
         weighted *= np.abs(self.offsets) < self.reach + 2 * self.step
@@ -161,7 +160,7 @@ def _edges(photo: Pyramid, ball: Ball, share: float, wanted: float) -> _Edges:
     return _Edges(outline, across, offsets[1:-1], gradients, noise_levels, has_edge, inside_photo, reach, step)
 
 
-def _steepness(gradient: Doubles, weights: Sequence[float]) -> tuple[Doubles, Doubles]:
+def _steepness(gradient: F64, weights: Sequence[float]) -> tuple[F64, F64]:
     """(LINES, N) gradients of weighted means of neighbouring lines, and (LINES,) their local median."""
     around = _ring(gradient, len(weights) // 2)
     gradients = np.abs(sum(weight * around[turn : turn + LINES] for turn, weight in enumerate(weights)))
@@ -170,7 +169,7 @@ def _steepness(gradient: Doubles, weights: Sequence[float]) -> tuple[Doubles, Do
     return gradients, np.maximum(noise_levels, 1e-12)
 
 
-def _ring(lines: Doubles, more: int) -> Doubles:
+def _ring(lines: F64, more: int) -> F64:
     """The lines of a closed outline, padded cyclically by `more` lines at both ends."""
     return np.concatenate([lines[-more:], lines, lines[:more]])
 
@@ -197,9 +196,7 @@ RIVAL = 0.6
 log = logging.getLogger(__name__)
 
 
-def find_balls(
-    image: Singles, camera: Camera, *, count: int = 1, radius: float = 1.0, mirror: bool = True
-) -> list[Ball]:
+def find_balls(image: F32, camera: Camera, *, count: int = 1, radius: float = 1.0, mirror: bool = True) -> list[Ball]:
     """The `count` balls in a photo, from left to right.
 
     image: (H, W, 3) linear. radius: of the balls, see :func:`fit_ball`. mirror: whether they mirror lights; each then
@@ -260,7 +257,7 @@ def _are_separate(a: Circle, b: Circle) -> bool:
     return float(np.hypot(a.x - b.x, a.y - b.y)) > 0.9 * (a.radius + b.radius)
 
 
-def _smooth(picture: Singles) -> Singles:
+def _smooth(picture: F32) -> F32:
     """Smooth with the binomial filter 1 4 6 4 1 in both directions."""
     for axis in (0, 1):
         around = np.pad(picture, [(2, 2) if a == axis else (0, 0) for a in (0, 1)], mode="edge")
@@ -269,14 +266,14 @@ def _smooth(picture: Singles) -> Singles:
     return picture
 
 
-def _bright(image: Singles) -> Bools:
+def _bright(image: F32) -> Bools:
     """(H, W) the brightest pixels; none if they are too many to be mirrored lights."""
     brightness = image.max(axis=-1)
     bright = brightness > BRIGHT * brightness.max()
     return bright if bright.mean() < MAX_BRIGHT else np.zeros_like(bright)
 
 
-def _circles(image: Singles, bright: Bools) -> list[Circle]:
+def _circles(image: F32, bright: Bools) -> list[Circle]:
     """Candidate circles, sorted by votes relative to their size."""
     # Perceptual cube root: a mirror ball's outline is faint compared with the lights that it mirrors.
     picture = _smooth(np.cbrt(np.maximum(image.mean(axis=-1), 0)))
@@ -324,7 +321,7 @@ def _differ(a: Circle, b: Circle, share: float) -> bool:
     return float(np.hypot(a.x - b.x, a.y - b.y)) > limit or abs(a.radius - b.radius) > limit
 
 
-def _ridge(steep: Singles, gradient_x: Singles, gradient_y: Singles) -> Bools:
+def _ridge(steep: F32, gradient_x: F32, gradient_y: F32) -> Bools:
     """(H, W) non-maximum suppression of the gradient along its direction, rounded to one of four."""
     eighth = np.round(np.arctan2(gradient_y, gradient_x) / (np.pi / 4)).astype(int) % 4
     around = np.pad(steep, 1)

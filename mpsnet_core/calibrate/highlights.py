@@ -7,7 +7,7 @@ import numpy as np
 
 from mpsnet_core.arrays.mask_regions import dilated, labelled
 from mpsnet_core.arrays.rasterize import extend_to_nearest
-from mpsnet_core.arrays.types import Bools, Doubles, Integers
+from mpsnet_core.arrays.types import F64, I64, Bools
 from mpsnet_core.arrays.unit_vectors import dot
 from mpsnet_core.calibrate.ball import Ball, surface
 from mpsnet_core.errors import GeometryError
@@ -67,7 +67,7 @@ class _Window:
     """Its first row in the photo."""
     inside: Bools
     """(H, W). Pixels of the ball."""
-    excess: Doubles
+    excess: F64
     """(H, W, 3). Light above what the ball mirrors elsewhere."""
     clipped: Bools
     """(H, W, 3). Whether it is saturated."""
@@ -149,13 +149,13 @@ def _window(photo: Image, ball: Ball) -> _Window:
     return _Window(left, top, inside, excess, clipped)
 
 
-def _peak(values: Doubles) -> float:
+def _peak(values: F64) -> float:
     """Peak brightness, robust to single hot pixels: the largest mean of 2 x 2 pixels."""
     pairs = (values[:-1, :-1] + values[1:, :-1] + values[:-1, 1:] + values[1:, 1:]) / 4
     return max(float(pairs.max()), 1e-12)
 
 
-def _three_colours(pixels: Doubles) -> Doubles | None:
+def _three_colours(pixels: F64) -> F64 | None:
     """(3, 3) the most different colours of pixels (N, 3), one per column, in the order red, green, blue.
 
     None if they are too similar to assign.
@@ -183,14 +183,14 @@ def _three_colours(pixels: Doubles) -> Doubles | None:
     return colours[:, orders[0]]
 
 
-def _owners(lights: Doubles, attributable: Bools, clipped: Bools) -> Integers:
+def _owners(lights: F64, attributable: Bools, clipped: Bools) -> I64:
     """(H, W) index of the light that a clipped pixel belongs to, by its nearest attributable pixel; -1 elsewhere."""
     nearest = np.where(attributable, lights.argmax(axis=-1), -1).astype(np.float32)[..., None]
     nearest = extend_to_nearest(nearest, attributable, max(clipped.shape))
     return np.where(clipped, nearest[..., 0].astype(np.int64), -1)
 
 
-def _highlight(window: _Window, weight: Doubles, others: Doubles, name: str) -> Highlight:
+def _highlight(window: _Window, weight: F64, others: F64, name: str) -> Highlight:
     """The most likely spot of a light.
 
     weight: (H, W) its brightness, with a maximum of 1. others: (H, W) the same for the other lights. A spot that is
@@ -216,6 +216,6 @@ def _highlight(window: _Window, weight: Doubles, others: Doubles, name: str) -> 
     return Highlight(x, y, radius, unsure, clipped, rival, _colour(window.excess[spot].sum(axis=0)))
 
 
-def _colour(values: Doubles) -> tuple[float, float, float]:
+def _colour(values: F64) -> tuple[float, float, float]:
     red, green, blue = values / max(float(values.max()), 1e-12)
     return float(red), float(green), float(blue)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from mpsnet_core.arrays.types import Doubles
+from mpsnet_core.arrays.types import F64
 from mpsnet_core.arrays.unit_vectors import angular_error, normalised
 from mpsnet_core.calibrate.ball import Ball, fit_ball, mirrored
 from mpsnet_core.calibrate.highlights import Highlight
@@ -42,11 +42,11 @@ class Sighting:
     lens_known: bool = True
     """Whether the ball's camera is known. If not, it is assumed to be far away, which may be wrong."""
 
-    def rays(self) -> tuple[Doubles, Doubles]:
+    def rays(self) -> tuple[F64, F64]:
         """Positions on the ball where the lights are mirrored, and unit directions from there to them; each (N, 3)."""
         return mirrored(self.ball, [spot.point for spot in self.highlights])
 
-    def uncertainties(self) -> Doubles:
+    def uncertainties(self) -> F64:
         """(N,) standard deviation of each direction in degrees, propagated from outline and highlight."""
         _, directions = self.rays()
         points = np.array([spot.point for spot in self.highlights])
@@ -60,7 +60,7 @@ class Sighting:
             variance += (moved**2).sum(axis=1) * blur**2
         return np.degrees(np.sqrt(variance))
 
-    def by_lens(self) -> Doubles:
+    def by_lens(self) -> F64:
         """(N,) change of each direction in degrees if the camera had a usual lens; 0 if its lens is known."""
         if self.lens_known:
             return np.zeros(len(self.highlights))
@@ -75,18 +75,18 @@ class LightsFound:
 
     sightings: tuple[Sighting, ...]
     """The balls they were computed from."""
-    directions: Doubles
+    directions: F64
     """(N, 3) float64. Unit vectors to the lights, from the target if lights are near."""
-    uncertainties: Doubles
+    uncertainties: F64
     """(N,) float64. One standard deviation in degrees, including the effect of perspective if the lens is unknown."""
-    target: Doubles
+    target: F64
     """(3,) float64. Centre of the ball, or mean of its places."""
-    positions: Doubles | None = None
+    positions: F64 | None = None
     """(N, 3) float64. Positions in the unit of the balls' radius, if the lights were seen from two places and are near
     enough."""
-    position_uncertainties: Doubles | None = None
+    position_uncertainties: F64 | None = None
     """(N,) float64. One standard deviation of the positions, in the same unit."""
-    gaps: Doubles | None = None
+    gaps: F64 | None = None
     """(N,) float64. RMS distance of the rays to a light from their best intersection, in the same unit."""
 
 
@@ -137,7 +137,7 @@ def find_lights(sightings: Sequence[Sighting]) -> LightsFound:
     return _with_positions(found, origins, rays, np.radians(blur))
 
 
-def _with_positions(found: LightsFound, origins: Doubles, rays: Doubles, spreads: Doubles) -> LightsFound:
+def _with_positions(found: LightsFound, origins: F64, rays: F64, spreads: F64) -> LightsFound:
     """Add positions where the rays (P, N, 3) of P places meet; directions only if any light is too far away.
 
     spreads: (P, N) standard deviations of the rays' directions, in radians.
@@ -160,7 +160,7 @@ def _with_positions(found: LightsFound, origins: Doubles, rays: Doubles, spreads
     return LightsFound(found.sightings, normalised(away), turn, found.target, points, errors, gaps)
 
 
-def meeting_point(origins: ArrayLike, directions: ArrayLike, spreads: ArrayLike) -> tuple[Doubles, float, float]:
+def meeting_point(origins: ArrayLike, directions: ArrayLike, spreads: ArrayLike) -> tuple[F64, float, float]:
     """Best intersection of rays: the point, its standard deviation, and its RMS distance from the rays.
 
     origins, directions: (P, 3). spreads: (P,) standard deviations of the directions, in radians.
@@ -181,7 +181,7 @@ def meeting_point(origins: ArrayLike, directions: ArrayLike, spreads: ArrayLike)
     return point, error, float(np.sqrt((missed**2).sum(axis=1).mean()))
 
 
-def _with_spread(found: LightsFound, rays: Doubles) -> LightsFound:
+def _with_spread(found: LightsFound, rays: F64) -> LightsFound:
     """Report a distant light whose direction differs between places: it is near, or something moved."""
     deviations = angular_error(rays, np.broadcast_to(found.directions, rays.shape)).max(axis=0)
     worst = int(deviations.argmax())

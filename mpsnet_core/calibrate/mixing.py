@@ -8,8 +8,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from mpsnet_core.arrays.robust_statistics import DEVIATIONS, biweight, deviation
-from mpsnet_core.arrays.types import Bools, Doubles, Singles
+from mpsnet_core.arrays.statistics import DEVIATIONS, biweight, deviation
+from mpsnet_core.arrays.types import F32, F64, Bools
 from mpsnet_core.arrays.unit_vectors import angular_error, dot, normalised
 from mpsnet_core.calibrate.ball import Ball, surface
 from mpsnet_core.errors import GeometryError, SettingsError
@@ -56,12 +56,12 @@ AMBIENT = 0.03
 class MixingFound:
     """A mixing matrix and how well it describes the photo."""
 
-    mixing: Doubles
+    mixing: F64
     """(3, 3) float64. Rows are the camera channels red, green, blue, columns the lights in rig order. The largest entry
     is 1. It includes brightness: the weaker of two lights has the smaller column."""
     residual: float
     """RMS residual of the fit, as a share of the mean brightness."""
-    ambient: Doubles
+    ambient: F64
     """(3,) float64. Ambient light, in the unit of the matrix; 0 for a card, which does not determine it."""
     pixels: int
     """Number of pixels used, without clipped ones."""
@@ -121,13 +121,13 @@ def mixing_from_ball(photo: Image, ball: Ball, rig: LightRig) -> MixingFound:
     return _checked(found)
 
 
-def _fitted(points: Doubles, colours: Doubles, ball: Ball, rig: LightRig, allowed: Bools) -> MixingFound:
+def _fitted(points: F64, colours: F64, ball: Ball, rig: LightRig, allowed: Bools) -> MixingFound:
     """The matrix fitted to points (P, 2) and their colours (P, 3). allowed: (3, 3) entries that may be non-zero."""
     drawn, moved = ball, np.zeros(OTHERS)
     precision = np.diag([0.0] * 3 + [len(points) / INDEPENDENT / size**2 for size in UNCERTAINTIES])
     precision[:3, :3] = np.linalg.inv(ball.covariance)
     free = np.concatenate([np.concatenate([allowed.T, np.ones((1, 3), bool)]).T.ravel(), np.ones(OTHERS, bool)])
-    weight: Doubles = np.ones(colours.shape)
+    weight: F64 = np.ones(colours.shape)
     scale = float(colours.std())
     answer = np.concatenate([np.diag(colours.max(axis=0)), np.zeros((1, 3))])
     at_ball = _surface(ball, rig, points)
@@ -167,7 +167,7 @@ def _fitted(points: Doubles, colours: Doubles, ball: Ball, rig: LightRig, allowe
     return MixingFound(mixing, residual, ambient, len(points), left_out, ball, True, unsure, unexplained)
 
 
-def _by_sectors(points: Doubles, colours: Doubles, ball: Ball, rig: LightRig, found: MixingFound) -> float:
+def _by_sectors(points: F64, colours: F64, ball: Ball, rig: LightRig, found: MixingFound) -> float:
     """Largest standard deviation of the off-diagonal entries, by the jackknife (Tukey 1958) over the ball's sectors.
 
     points: (P, 2), and their colours: (P, 3), that `found` was fitted to.
@@ -201,7 +201,7 @@ def mixing_from_ball_by_light(photos: Sequence[Image], ball: Ball, rig: LightRig
     return _from_columns(columns, ball, np.mean(ambient, axis=0))
 
 
-def _ambient(basis: Doubles, colours: Doubles, light: int) -> Doubles:
+def _ambient(basis: F64, colours: F64, light: int) -> F64:
     """(3,) ambient light, at least 0, in a photo of one light alone. basis: (P, 4), as `_shading` returns it."""
     free = np.zeros(12 + OTHERS, bool)
     free[:12].reshape(3, 4)[:, [light, 3]] = True
@@ -262,7 +262,7 @@ def _three_photos(photos: Sequence[Image]) -> Sequence[Image]:
     return photos
 
 
-def check_lights(image: Singles, ball: Ball, rig: LightRig) -> None:
+def check_lights(image: F32, ball: Ball, rig: LightRig) -> None:
     """Raise GeometryError if another order or orientation of the lights fits the photo (H, W, 3) of a matt ball."""
     height, width = image.shape[:2]
     x, y = np.arange(width) + 0.5 - ball.circle.x, np.arange(height)[:, None] + 0.5 - ball.circle.y
@@ -271,7 +271,7 @@ def check_lights(image: Singles, ball: Ball, rig: LightRig) -> None:
         raise GeometryError(misfit_words(better))
 
 
-def _ball_pixels(photo: Image, ball: Ball) -> tuple[Doubles, Doubles]:
+def _ball_pixels(photo: Image, ball: Ball) -> tuple[F64, F64]:
     """Points (P, 2) well inside the ball and their colours (P, 3), without clipped ones."""
     height, width = photo.pixels.shape[:2]
     left, right, top, bottom = ball.window(width, height)
@@ -290,7 +290,7 @@ def _ball_pixels(photo: Image, ball: Ball) -> tuple[Doubles, Doubles]:
     return points[chosen], colours[chosen]
 
 
-def _surface(ball: Ball, rig: LightRig, points: Doubles) -> tuple[Doubles, Doubles]:
+def _surface(ball: Ball, rig: LightRig, points: F64) -> tuple[F64, F64]:
     """Positions (P, 3) and unit normals (P, 3) of the ball's surface at points (P, 2) of the photo."""
     if rig.near is not None and ball.camera.projection == "orthographic":
         raise GeometryError("the rig's lights have positions; give the camera or its focal length, to see perspective")
@@ -298,7 +298,7 @@ def _surface(ball: Ball, rig: LightRig, points: Doubles) -> tuple[Doubles, Doubl
     return place, normal
 
 
-def _shading(place: Doubles, normal: Doubles, rig: LightRig, other: Doubles | None = None) -> Doubles:
+def _shading(place: F64, normal: F64, rig: LightRig, other: F64 | None = None) -> F64:
     """(P, 4) shading of a white matt surface by each light, at positions (P, 3) with unit normals (P, 3), and 1 for
     ambient light.
 
@@ -318,8 +318,8 @@ def _shading(place: Doubles, normal: Doubles, rig: LightRig, other: Doubles | No
 
 
 def _joint_step(
-    basis: Doubles, jacobian: Doubles, colours: Doubles, weight: Doubles, prior: Doubles, moved: Doubles, free: Bools
-) -> tuple[Doubles, Doubles, Doubles]:
+    basis: F64, jacobian: F64, colours: F64, weight: F64, prior: F64, moved: F64, free: Bools
+) -> tuple[F64, F64, F64]:
     """One Gauss-Newton step: the matrix with ambient light (4, 3), the step (10,) of outline, lights and exponent, and
     the normal equations (22, 22).
 
@@ -348,7 +348,7 @@ def _joint_step(
         free[worst] = False
 
 
-def _from_columns(columns: Sequence[Doubles], ball: Ball | None, ambient: Doubles | None = None) -> MixingFound:
+def _from_columns(columns: Sequence[F64], ball: Ball | None, ambient: F64 | None = None) -> MixingFound:
     """The matrix whose columns are the medians of each light's `columns` (P, 3). ambient: (3,), in their unit."""
     middles = [np.maximum(np.median(values, axis=0), 0) for values in columns]
     mixing = np.stack(middles, axis=-1)

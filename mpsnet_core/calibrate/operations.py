@@ -15,7 +15,7 @@ from mpsnet_core.operation import Result, option
 from mpsnet_core.progress import Progress, part, silent
 
 if TYPE_CHECKING:
-    from mpsnet_core.arrays.types import Singles
+    from mpsnet_core.arrays.types import F32
     from mpsnet_core.calibrate.ball import Circle
     from mpsnet_core.calibrate.lights import LightsFound, Sighting
     from mpsnet_core.calibrate.mixing import MixingFound
@@ -400,7 +400,7 @@ class CalibrateMixing(UsesBall):
 
     @staticmethod
     def _by_ball(
-        photos: "BallPhotos", read: Sequence["Image"], image: "Singles", rig: "LightRig", progress: Progress
+        photos: "BallPhotos", read: Sequence["Image"], image: "F32", rig: "LightRig", progress: Progress
     ) -> "MixingFound":
         import numpy as np
 

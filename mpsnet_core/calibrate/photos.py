@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from mpsnet_core.arrays.sizes import check_same_size, size
-from mpsnet_core.arrays.types import Bools, Floats, Singles
+from mpsnet_core.arrays.types import F32, Bools, Floats
 from mpsnet_core.calibrate.ball import Ball, Circle, ball_from_circle, ball_from_mask
 from mpsnet_core.calibrate.circles import find_balls
 from mpsnet_core.calibrate.highlights import Highlight, find_coloured_highlights, find_highlight
@@ -86,18 +86,18 @@ def lit_surface(photos: BallPhotos, image: Image) -> Bools:
     return np.hypot(x - circle.x, y - circle.y) < circle.radius
 
 
-def mean_photo(photos: BallPhotos, images: Iterable[Image] | None = None) -> Singles:
+def mean_photo(photos: BallPhotos, images: Iterable[Image] | None = None) -> F32:
     """(H, W, 3) linear mean of the photos, in which the whole ball is lit. Raises GeometryError if sizes differ.
 
     images: the photos, if they have been read already.
     """
-    total: Singles = np.zeros((), np.float32)
+    total: F32 = np.zeros((), np.float32)
     for image in images or photos.read():
         total = total + image.pixels
     return np.nan_to_num(total / np.float32(len(photos.files)), posinf=0.0, neginf=0.0)
 
 
-def seen_balls(photos: BallPhotos, image: Singles) -> list[Ball]:
+def seen_balls(photos: BallPhotos, image: F32) -> list[Ball]:
     """The balls in the photos. image: (H, W, 3), their mean. Raises InputError if they are not found."""
     height, width = image.shape[:2]
     camera = camera_for(photos.camera, width, height) or pixel_camera(width, height)

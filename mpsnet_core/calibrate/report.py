@@ -8,7 +8,7 @@ from typing import Literal
 import numpy as np
 import OpenImageIO as oiio
 
-from mpsnet_core.arrays.types import Doubles, Singles
+from mpsnet_core.arrays.types import F32, F64
 from mpsnet_core.calibrate.ball import Ball, Circle
 from mpsnet_core.calibrate.lights import LightsFound, Sighting
 from mpsnet_core.calibrate.mixing import MixingFound
@@ -21,7 +21,7 @@ from mpsnet_core.scene.rig import angles_of
 
 Colour = tuple[float, float, float]
 Side = Literal["left", "middle", "right"]
-Point = tuple[float, float] | Doubles
+Point = tuple[float, float] | F64
 OUTLINE: Colour = (0.98, 0.85, 0.25)
 # Red, green and blue that are visible on dark and on bright, lighter variants of Okabe and Ito's palette.
 LIGHT_COLOURS: tuple[Colour, ...] = ((1.0, 0.35, 0.30), (0.30, 0.90, 0.45), (0.40, 0.65, 1.0))
@@ -34,7 +34,7 @@ MARGIN = 0.6
 PICTURE_SIDE = 720
 
 
-def lights_picture(image: Singles, sighting: Sighting, directions: Doubles, names: Sequence[str]) -> Singles:
+def lights_picture(image: F32, sighting: Sighting, directions: F64, names: Sequence[str]) -> F32:
     """(H, W, 3) display values: the ball, enlarged, with its outline, highlights and arrows towards the lights.
 
     image: (H, W, 3) linear. directions: (N, 3). names: short names of the lights. An arrow starts at the ball's centre.
@@ -57,7 +57,7 @@ def lights_picture(image: Singles, sighting: Sighting, directions: Doubles, name
     return canvas.pixels
 
 
-def ball_picture(image: Singles, ball: Ball, words: str) -> Singles:
+def ball_picture(image: F32, ball: Ball, words: str) -> F32:
     """(H, W, 3) display values: the ball, enlarged, with its outline and a caption."""
     canvas = _Canvas(image, ball)
     canvas.label(words, (ball.circle.x, ball.circle.y + 1.15 * ball.circle.radius), OUTLINE, side="middle")
@@ -67,7 +67,7 @@ def ball_picture(image: Singles, ball: Ball, words: str) -> Singles:
 class _Canvas:
     """The enlarged part of the photo around the ball. Drawing uses the photo's pixel coordinates."""
 
-    def __init__(self, image: Singles, ball: Ball) -> None:
+    def __init__(self, image: F32, ball: Ball) -> None:
         circle, (height, width) = ball.circle, image.shape[:2]
         reach = (1 + MARGIN) * circle.radius
         self.left, self.top = max(int(circle.x - reach), 0), max(int(circle.y - reach), 0)
@@ -99,7 +99,7 @@ class _Canvas:
         part = self.pixels[low[1] : high[1], low[0] : high[0]]
         part[...] = part * (1 - cover) + np.array(colour) * cover
 
-    def loop(self, points: Doubles, colour: Colour) -> None:
+    def loop(self, points: F64, colour: Colour) -> None:
         """Draw a closed line through points (N, 2) of the photo, with a dark outline for bright backgrounds."""
         for paint, half_width, strength in ((INK, 2.0, 0.15), (colour, 0.8, 1.0)):
             for start, end in zip(points, np.roll(points, -1, axis=0), strict=True):
@@ -143,7 +143,7 @@ class _Canvas:
     def _overlaps_label(self, left: float, right: float, y: float) -> bool:
         return any(abs(y - other) < TEXT + 2 and left < end and start < right for start, end, other in self.label_boxes)
 
-    def _here(self, point: Point) -> Doubles:
+    def _here(self, point: Point) -> F64:
         return (np.array(point, np.float64) - [self.left, self.top]) * self.scale
 
 
@@ -228,7 +228,7 @@ class BallFacts:
         return f"{line}, {self.seen:.0%} of its outline seen, fits to {self.residual:.2f} pixels"
 
 
-def directions_facts(directions: Doubles, names: Sequence[str], files: Sequence[str] | None) -> list[LightFacts]:
+def directions_facts(directions: F64, names: Sequence[str], files: Sequence[str] | None) -> list[LightFacts]:
     """Facts of lights with known directions only. directions: (N, 3)."""
     lights = []
     for number, (name, direction) in enumerate(zip(names, directions, strict=True)):

@@ -8,12 +8,11 @@ from typing import Any, ClassVar, TypeVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from mpsnet_core.arrays.block_means import block_means
 from mpsnet_core.arrays.mask_regions import bounding_box
 from mpsnet_core.arrays.rasterize import extend_to_nearest
-from mpsnet_core.arrays.sampling import sampled_rows
+from mpsnet_core.arrays.resampling import block_means, sampled_rows
 from mpsnet_core.arrays.sizes import SAME_CAMERA, check_same_size
-from mpsnet_core.arrays.types import Bools, Doubles, Floats, Singles
+from mpsnet_core.arrays.types import F32, F64, Bools, Floats
 from mpsnet_core.errors import FormatError, GeometryError, NoObject, SettingsError
 from mpsnet_core.io.from_files import takes_files
 from mpsnet_core.io.image import CHANNELS, SATURATED_SHARE
@@ -54,7 +53,7 @@ def shows_another_scene(photo: Floats, white: Floats, mask: Bools) -> bool:
     whole = block_means(np.where(mask[box][..., None], white[box], 0), factor).mean(axis=-1)
     *own, other = (_steepness(values, inside, inner) for values in (*lights, whole))
 
-    def agreement(one: Doubles, two: Doubles) -> float:
+    def agreement(one: F64, two: F64) -> float:
         """How much better two pictures' edges correlate in place than shifted."""
         found = {by: float(np.corrcoef(one[inner], np.roll(two, by, (0, 1))[inner])[0, 1]) for by in shifts}
         return found.pop((0, 0)) - max(found.values())
@@ -63,7 +62,7 @@ def shows_another_scene(photo: Floats, white: Floats, mask: Bools) -> bool:
     return bool(among > TELLING and np.mean([agreement(one, other) for one in own]) < SHARE * among)
 
 
-def _steepness(values: Singles, inside: Bools, inner: Bools) -> Doubles:
+def _steepness(values: F32, inside: Bools, inner: Bools) -> F64:
     """(h, w) the slope of the logarithm, in which shading and paint add up; outliers are cut."""
     lowest = max(DARKEST * float(np.percentile(values[inside], 99)), 1e-12)
     slope = np.hypot(*np.gradient(np.log(np.maximum(values.astype(np.float64), lowest))))
@@ -134,17 +133,17 @@ class Capture(Shown):
     """Projection and pose, if known."""
     clip: float = np.inf
     """Linear value at which a channel saturates. Infinity for renders, and if `clipped` is given."""
-    depth: Singles | None = None
+    depth: F32 | None = None
     """(H, W) float32. Distance of each pixel's surface in front of the camera, along its axis, in the unit of the
     camera's pose. Required if the rig's lights are near."""
     clipped: Bools | None = None
     """(H, W, 3) bool. Where a channel is saturated; None if `clip` decides it."""
-    white: Singles | None = None
+    white: F32 | None = None
     """(H, W, 3) float32. Linear RGB of the same pose under white light. Values outside the mask that are not finite
     become zero. Clipped pixels keep their value, a lower bound."""
     white_clipped: Bools | None = None
     """(H, W, 3) bool. Where a channel of `white` is saturated; None if nowhere."""
-    white_light: Doubles | None = None
+    white_light: F64 | None = None
     """(3,) float64. Unit vector from the surface to the one lamp that lit `white`; None if the rig's three lights,
     turned white, lit it."""
 
@@ -190,7 +189,7 @@ class Capture(Shown):
         known = [name for name, value in extras if value is not None]
         return ", ".join([f"object of {self.mask.sum():,} pixels", *known])
 
-    def picture(self, step: int = 1) -> Singles:
+    def picture(self, step: int = 1) -> F32:
         from mpsnet_core.scene.pictures import mask_bands
 
         return mask_bands(self.image[::step, ::step], self.mask[::step, ::step])(slice(None))
@@ -246,7 +245,7 @@ def _finite_and_lit(image: NDArray[T], mask: Bools, name: str, black: str) -> ND
     return result
 
 
-def checked_white(white: Singles, clipped: Bools | None, mask: Bools) -> Singles:
+def checked_white(white: F32, clipped: Bools | None, mask: Bools) -> F32:
     white = np.asarray(white, np.float32)
     if white.ndim != 3 or white.shape[2] != 3:
         raise FormatError(f"a white photo has three channels per pixel; this one has shape {white.shape}")
@@ -257,14 +256,14 @@ def checked_white(white: Singles, clipped: Bools | None, mask: Bools) -> Singles
     return white
 
 
-def _towards_lamp(direction: ArrayLike) -> Doubles:
+def _towards_lamp(direction: ArrayLike) -> F64:
     towards = np.asarray(direction, np.float64)
     if towards.shape != (3,) or not np.isfinite(towards).all() or towards[2] <= 0:
         raise GeometryError(f"the white light is not in front of the object ({direction!r}); its z must be above 0")
     return np.asarray(towards / np.linalg.norm(towards))
 
 
-def depth_within(mask: Bools, depth: Singles | float | None, rig: LightRig) -> Singles | None:
+def depth_within(mask: Bools, depth: F32 | float | None, rig: LightRig) -> F32 | None:
     """(H, W) depth at every pixel of the mask, with unknown depth filled in; None for distant lights.
 
     depth: as in :func:`mpsnet_core.read_capture`. Raises InputError if it does not fit the mask.
@@ -303,7 +302,7 @@ def _log_assumed_unit(distance: float, near: NearLights) -> None:
         log.info(words, distance, expected)
 
 
-def channel_angles(values: Doubles) -> Doubles | None:
+def channel_angles(values: F64) -> F64 | None:
     """(3,) angles in radians between the channels red and green, red and blue, green and blue as vectors over pixels.
 
     values: (N, 3). None if the whole object faces one way, unless the channels are equal: a flat object's channels are

@@ -10,15 +10,15 @@ import OpenImageIO as oiio
 
 from mpsnet_core.arrays.row_bands import bands
 from mpsnet_core.arrays.sizes import SAME_CAMERA, check_same_size
-from mpsnet_core.arrays.types import Bools, Singles, StrPath
+from mpsnet_core.arrays.types import F32, Bools
 from mpsnet_core.errors import FormatError, SettingsError
 from mpsnet_core.io.frames import expand_images
 from mpsnet_core.io.image import CHANNELS, Assumed, Image, exposed_otherwise, in_frame_of, in_one_frame, turned
 from mpsnet_core.io.image_encoding import Encoding, otherwise_encoded
-from mpsnet_core.io.image_layers import layer_in
-from mpsnet_core.io.image_reading import read_image
+from mpsnet_core.io.image_reading import layer_in, read_image
+from mpsnet_core.io.opening import AnyPath
 from mpsnet_core.scene.camera import Camera
-from mpsnet_core.scene.photogrammetry.lens import Lens, undistorted, undistorted_mask
+from mpsnet_core.scene.photogrammetry.posed_photo import Lens, undistorted, undistorted_mask
 
 # --- dark frame and flat field: remove offset and ambient light, and the falloff of lens and lights -------------------
 
@@ -35,9 +35,9 @@ BAD_SHARE = 0.001
 class Correction:
     """An image to subtract from a photo, and one to multiply the difference by."""
 
-    dark: Singles | None
+    dark: F32 | None
     """(H, W, 3) float32. Dark frame: the linear values of a photo without the three lights."""
-    gain: Singles | None
+    gain: F32 | None
     """(H, W, 3) float32. Reciprocal of the flat field, which has mean 1 in the middle in each channel."""
     unusable: Bools | None
     """(H, W, 3) bool. Where dark frame or flat field are saturated or too weak; None if there is neither."""
@@ -58,8 +58,8 @@ class Correction:
 
 
 def read_correction(
-    dark: StrPath | None = None,
-    flat: StrPath | None = None,
+    dark: AnyPath | None = None,
+    flat: AnyPath | None = None,
     *,
     encoding: Encoding = "auto",
     layer: str | None = None,
@@ -153,14 +153,14 @@ def corrected(image: Image, correction: Correction | None) -> Image:
     return replace(image, pixels=pixels, clip=np.inf, clipped=clipped, assumed=None)
 
 
-def _mean_frame(path: StrPath, encoding: Encoding, layer: str | None) -> Image:
+def _mean_frame(path: AnyPath, encoding: Encoding, layer: str | None) -> Image:
     """Mean of all frames; `clipped` where any of them is saturated, and the rest as in the first one.
 
     Frames of one channel are taken: what is dark, or even, has no colour.
     """
     files = expand_images([path])
 
-    def read(file: StrPath) -> Image:
+    def read(file: AnyPath) -> Image:
         return read_image(file, encoding=encoding, layer=layer_in(file, layer), grey=True)
 
     frames = in_one_frame(files, read)
@@ -173,7 +173,7 @@ def _mean_frame(path: StrPath, encoding: Encoding, layer: str | None) -> Image:
     return replace(mean, pixels=total / np.float32(len(files)), clipped=clipped)
 
 
-def _gain(field: Singles, flat: StrPath) -> tuple[Singles, Bools]:
+def _gain(field: F32, flat: AnyPath) -> tuple[F32, Bools]:
     """Reciprocal of the flat field (H, W, 3), 1 where it is too weak, and where that is (H, W, 3)."""
     height, width, _ = field.shape
     middle = field[height // 3 : height - height // 3, width // 3 : width - width // 3].mean(axis=(0, 1))
@@ -187,7 +187,7 @@ def _gain(field: Singles, flat: StrPath) -> tuple[Singles, Bools]:
     return np.divide(1, field, out=np.ones_like(field), where=~weak), weak
 
 
-def _smoothed(field: Singles, pixels: int) -> Singles:
+def _smoothed(field: F32, pixels: int) -> F32:
     """The field without detail finer than `pixels`: downsampled and upsampled."""
     height, width, _ = field.shape
     small = oiio.ROI(0, -(-width // pixels), 0, -(-height // pixels), 0, 1, 0, 3)
@@ -210,7 +210,7 @@ class PhotoReadOptions:
     assumed: Assumed | None = None
     """The encoding of files that do not state it. By default the usual one: sRGB for integers, linear for floats."""
 
-    def photo(self, path: StrPath, *, grey: bool = False) -> Image:
+    def photo(self, path: AnyPath, *, grey: bool = False) -> Image:
         """Read a photo, without correction. grey and errors: as in :func:`read_image`.
 
         A large photo is held in half floats, unless it will be corrected.
@@ -218,7 +218,7 @@ class PhotoReadOptions:
         compact = self.correction is None
         return self._meant(read_image(path, encoding=self.encoding, layer=self.layer, grey=grey, compact=compact))
 
-    def companion(self, path: StrPath, photo: Image) -> Image:
+    def companion(self, path: AnyPath, photo: Image) -> Image:
         """Read a companion of the photo, without correction, from the photo's layer if the file has several.
 
         It is turned as the photo was: the camera stood still.
@@ -247,7 +247,7 @@ def undistorted_photo(image: Image, camera: Camera, lens: Lens | None) -> Image:
     return replace(image, pixels=pixels, alpha=None, clip=clip, clipped=clipped)
 
 
-def warn_of_other_exposures(photos: Sequence[StrPath], images: Sequence[Image]) -> None:
+def warn_of_other_exposures(photos: Sequence[AnyPath], images: Sequence[Image]) -> None:
     """Report photos of one light each whose exposure time, by their files, differs from the first one's."""
     first = images[0].exposure_time
     for photo, image in zip(photos, images, strict=True):

@@ -10,9 +10,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike
 
+from mpsnet_core.arrays.resampling import chosen_pixels
 from mpsnet_core.arrays.sizes import check_same_size
-from mpsnet_core.arrays.types import Bools, Singles, StrPath
-from mpsnet_core.arrays.upsample import chosen_pixels
+from mpsnet_core.arrays.types import F32, Bools
 from mpsnet_core.capture.capture import Capture, checked_white, depth_within, doubts
 from mpsnet_core.capture.decode import AS_STATED, Correction, PhotoReadOptions, corrected, undistorted_photo
 from mpsnet_core.capture.masks import MaskNotes, mask_of
@@ -31,10 +31,10 @@ from mpsnet_core.io.frames import expand_images
 from mpsnet_core.io.from_files import takes_files
 from mpsnet_core.io.image import Image
 from mpsnet_core.io.image_encoding import Encoding, otherwise_encoded
+from mpsnet_core.io.opening import AnyPath
 from mpsnet_core.scene.camera import Camera, camera_for
-from mpsnet_core.scene.mesh_depth import depth_of_mesh, mesh_mask
-from mpsnet_core.scene.photogrammetry.lens import Lens, undistorted_mask
-from mpsnet_core.scene.rays import RayScene
+from mpsnet_core.scene.photogrammetry.posed_photo import Lens, undistorted_mask
+from mpsnet_core.scene.rays import RayScene, depth_of_mesh, mesh_mask
 from mpsnet_core.scene.rig import LightRig
 from mpsnet_core.scene.rig_check import warn_of_wrong_rig
 
@@ -52,7 +52,7 @@ class Source:
     """Its file, or a function that returns its pixels as read, such as those of a video's frame."""
     rig: LightRig | None
     """The lights, in camera space; None if they are unknown. There is then a mask, but no capture."""
-    mask: StrPath | Callable[[Image], Bools] = MASK
+    mask: AnyPath | Callable[[Image], Bools] = MASK
     """The mask as in :func:`mpsnet_core.read_capture`, :data:`MESH`, or a function that finds the mask (H, W) in the
     photo."""
     name: str = ""
@@ -62,11 +62,11 @@ class Source:
     is scaled to the photo's size."""
     lens: Lens | None = None
     """The distortion to remove; None if there is none."""
-    depth: Singles | float | None = None
+    depth: F32 | float | None = None
     """(H, W) or a number. Distance of the surface in front of the camera, as in :func:`mpsnet_core.read_capture`."""
     scene: RayScene | None = None
     """The object's mesh in the camera's world, in place of the depth."""
-    white: Sequence[StrPath] = ()
+    white: Sequence[AnyPath] = ()
     """Photos of the same pose under white light, as in :func:`mpsnet_core.read_capture`."""
     white_light: ArrayLike | None = None
     """What lit the white photos, as in :func:`mpsnet_core.read_capture`."""
@@ -94,16 +94,16 @@ def open_captures(sources: Iterable[Source], options: PhotoReadOptions = AS_STAT
 
 @takes_files
 def read_capture(
-    path: StrPath,
+    path: AnyPath,
     rig: LightRig,
     *,
-    mask: StrPath = MASK,
+    mask: AnyPath = MASK,
     encoding: Encoding = "auto",
     layer: str | None = None,
     camera: Camera | float | None = None,
-    depth: Singles | float | None = None,
+    depth: F32 | float | None = None,
     correction: Correction | None = None,
-    white: StrPath | Sequence[StrPath] = (),
+    white: AnyPath | Sequence[AnyPath] = (),
     white_light: ArrayLike | None = None,
 ) -> Capture:
     """Read a photo as a capture.
@@ -302,7 +302,7 @@ class PhotoSet:
         return replace(capture, white=total, white_clipped=clipped if clipped.any() else None, white_light=light)
 
 
-def _depth(source: Source, photo: MaskedPhoto) -> Singles | None:
+def _depth(source: Source, photo: MaskedPhoto) -> F32 | None:
     """(H, W) the depth that near lights need, at every pixel of the mask; None for distant ones."""
     assert source.rig is not None
     depth = source.depth
@@ -313,5 +313,5 @@ def _depth(source: Source, photo: MaskedPhoto) -> Singles | None:
     return depth_within(photo.mask, depth, source.rig) if photo.mask.any() else None  # Capture rejects an empty mask
 
 
-def _white_is_the_photo(path: StrPath) -> SettingsError:
+def _white_is_the_photo(path: AnyPath) -> SettingsError:
     return SettingsError(f"{path}: the white photo is the photo itself; give the one under white light")

@@ -6,11 +6,11 @@ from typing import Literal
 
 import numpy as np
 
-from mpsnet_core.arrays.block_means import block_means
 from mpsnet_core.arrays.crests import crests
 from mpsnet_core.arrays.mask_regions import bounding_box, box_sums, dilated
-from mpsnet_core.arrays.robust_statistics import DEVIATIONS
-from mpsnet_core.arrays.types import Bools, Doubles, Floats, Singles
+from mpsnet_core.arrays.resampling import block_means
+from mpsnet_core.arrays.statistics import DEVIATIONS
+from mpsnet_core.arrays.types import F32, F64, Bools, Floats
 from mpsnet_core.arrays.unit_vectors import angular_error
 from mpsnet_core.capture.capture import ALIKE, PAIRS, channel_angles, finite_inside
 from mpsnet_core.capture.transfer import CLOSE, DECIDED
@@ -151,7 +151,7 @@ def _encoding(encoding_evidence: float) -> Finding:
     return Finding("encoding", level, words + "to linear or srgb (--encoding) [transfer-curve]", figures)
 
 
-def _exposure(values: Doubles, noise: Doubles, full_scale: float | None) -> Finding:
+def _exposure(values: F64, noise: F64, full_scale: float | None) -> Finding:
     bright = np.percentile(values, 99, axis=0)
     highest, weakest = float(bright.max()), int(bright.argmin())
     signal = float((np.percentile(values, 90, axis=0) / np.maximum(noise, 1e-12)).min())
@@ -177,7 +177,7 @@ def _exposure(values: Doubles, noise: Doubles, full_scale: float | None) -> Find
     return Finding("exposure", level, f"{words}; expose longer, at a lower ISO, or average several photos", figures)
 
 
-def _clipping(values: Doubles, clipped: Bools) -> Finding:
+def _clipping(values: F64, clipped: Bools) -> Finding:
     # Float files of raw converters are clipped at 1 without saying so.
     at_one = (values.max(axis=0) <= 1.0) & (values > 0.9999)
     shares = (clipped | at_one).mean(axis=0)
@@ -191,7 +191,7 @@ def _clipping(values: Doubles, clipped: Bools) -> Finding:
     return Finding("clipping", level, words, {"clipped": _listed(shares)})
 
 
-def _channels(values: Doubles, rig: LightRig | None) -> Finding:
+def _channels(values: F64, rig: LightRig | None) -> Finding:
     angles = channel_angles(values)
     condition = 1.0 if rig is None else float(np.linalg.cond(rig.mixing))
     figures: Figures = {"mixing_condition": round(condition, 2)}
@@ -238,7 +238,7 @@ def _lights(rig: LightRig) -> Finding:
     return Finding("lights", level, words, figures)
 
 
-def _rig(pixels: Singles, mask: Bools, rig: LightRig) -> Finding:
+def _rig(pixels: F32, mask: Bools, rig: LightRig) -> Finding:
     fit = check_rig(pixels, mask, rig)
     figures: Figures = {"probability": round(fit.probability, 4)}
     if fit.better:
@@ -253,7 +253,7 @@ def _mixing() -> Finding:
     return Finding("mixing", "watch", f"{words} [unknown-mixing]", {})
 
 
-def _reach(values: Doubles, noise: Doubles, rig: LightRig | None) -> Finding:
+def _reach(values: F64, noise: F64, rig: LightRig | None) -> Finding:
     if rig is not None:
         noise = np.sqrt(np.square(np.linalg.inv(rig.mixing)) @ np.square(noise))
         values = values @ np.linalg.inv(rig.mixing).T
@@ -275,7 +275,7 @@ def _reach(values: Doubles, noise: Doubles, rig: LightRig | None) -> Finding:
     return Finding("reach", level, words, figures)
 
 
-def _noise(pixels: Doubles, inside: Bools) -> Doubles:
+def _noise(pixels: F64, inside: Bools) -> F64:
     """(3,) standard deviation of the noise in the smoothest fifth of the object; 0 if unknown.
 
     Measured by second differences along short row segments: those of smooth shading nearly vanish.
@@ -291,7 +291,7 @@ def _noise(pixels: Doubles, inside: Bools) -> Doubles:
     return np.asarray(DEVIATIONS * np.percentile(np.median(runs, axis=1), 20, axis=0), np.float64)
 
 
-def _focus(pixels: Floats, mask: Bools, noise: Doubles) -> Finding:
+def _focus(pixels: Floats, mask: Bools, noise: F64) -> Finding:
     side = np.sqrt(np.count_nonzero(mask))
     factor = max(1, int(side / FOCUS_SIDE))
     # A very blurred outline is an edge in a smaller image. There only the outline counts: shading may look like edges.
@@ -310,7 +310,7 @@ def _focus(pixels: Floats, mask: Bools, noise: Doubles) -> Finding:
     return Finding("focus", level, f"{words}; focus on it, stop down, and hold camera and object still", figures)
 
 
-def _sharpest_edges(pixels: Floats, mask: Bools, noise: Doubles, factor: int, outline: bool) -> float | None:
+def _sharpest_edges(pixels: Floats, mask: Bools, noise: F64, factor: int, outline: bool) -> float | None:
     """Standard deviation of the blur in pixels, at the sharpest edges of paint and outline, or of the outline alone.
 
     Compares the gradients of two smoothed images, after Zhuo and Sim, "Defocus map estimation from a single image",

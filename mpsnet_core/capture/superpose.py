@@ -6,17 +6,18 @@ from functools import partial
 
 import numpy as np
 
-from mpsnet_core.arrays.types import Singles, StrPath
+from mpsnet_core.arrays.types import F32
 from mpsnet_core.capture.decode import warn_of_other_exposures
 from mpsnet_core.errors import NoObject, SettingsError
 from mpsnet_core.io.image import Image, in_one_frame, warn_of_saturation
 from mpsnet_core.io.image_encoding import Encoding
 from mpsnet_core.io.image_reading import read_image
+from mpsnet_core.io.opening import AnyPath
 
 log = logging.getLogger(__name__)
 
 
-def superpose(photos: Sequence[StrPath], *, encoding: Encoding = "auto") -> Image:
+def superpose(photos: Sequence[AnyPath], *, encoding: Encoding = "auto") -> Image:
     """The sum of photos of an object that did not move.
 
     Parameters
@@ -42,7 +43,7 @@ def superpose(photos: Sequence[StrPath], *, encoding: Encoding = "auto") -> Imag
     return _together(images, np.sum([image.pixels for image in images], axis=0))
 
 
-def as_channels(photos: Sequence[StrPath], *, encoding: Encoding = "auto") -> Image:
+def as_channels(photos: Sequence[AnyPath], *, encoding: Encoding = "auto") -> Image:
     """Three photos of an object that did not move, each under one white light, as the channels of one photo.
 
     Pixels of a photo that are clipped in any channel become at least 1.
@@ -77,7 +78,7 @@ def as_channels(photos: Sequence[StrPath], *, encoding: Encoding = "auto") -> Im
     return _together(images, np.stack(means, axis=-1))
 
 
-def _read(photos: Sequence[StrPath], encoding: Encoding, grey: bool) -> list[Image]:
+def _read(photos: Sequence[AnyPath], encoding: Encoding, grey: bool) -> list[Image]:
     if not photos:
         raise SettingsError("there is no photo to superpose; give one for each light")
     images = [*in_one_frame(photos, partial(read_image, encoding=encoding, grey=grey))]
@@ -89,10 +90,10 @@ def _read(photos: Sequence[StrPath], encoding: Encoding, grey: bool) -> list[Ima
     return images
 
 
-def _together(images: Sequence[Image], pixels: Singles) -> Image:
+def _together(images: Sequence[Image], pixels: F32) -> Image:
     """A photo made of others. What they do not state of their encoding, it does not state either."""
     alphas = [image.alpha for image in images if image.alpha is not None]
-    alpha: Singles | None = np.max(alphas, axis=0) if alphas else None
+    alpha: F32 | None = np.max(alphas, axis=0) if alphas else None
     if alpha is not None and not alpha.any():
         raise NoObject("the photo is completely transparent; make the object visible in renders and to the camera")
     assumed = images[0].assumed if len({image.assumed for image in images}) == 1 else None

@@ -6,9 +6,9 @@ from typing import TypeVar
 
 import numpy as np
 
-from mpsnet_core.arrays.block_means import block_means
 from mpsnet_core.arrays.gradient_derivatives import gradient_derivatives
-from mpsnet_core.arrays.types import Bools, Floats, Singles
+from mpsnet_core.arrays.resampling import block_means
+from mpsnet_core.arrays.types import F32, Bools, Floats
 from mpsnet_core.io.image import Assumed, linear_to_srgb, srgb_to_linear
 from mpsnet_core.scene.rig import LightRig
 from mpsnet_core.scene.rig_check import equal_albedo
@@ -88,7 +88,7 @@ def evidence_for_linear(pixels: Floats, mask: Bools, rig: LightRig, *, as_srgb: 
     return float(np.log(by_srgb / by_linear)) if by_srgb and by_linear else 0.0
 
 
-def _curl(pixels: Singles, usable: Bools, block: int, rig: LightRig) -> float:
+def _curl(pixels: F32, usable: Bools, block: int, rig: LightRig) -> float:
     """Mean curl of equation 2's gradients, as a share of all their derivatives; 0 if too few pixels are usable.
 
     pixels: (H, W, 3) unmixed. usable: (H, W). block: side of the blocks to average, in pixels.

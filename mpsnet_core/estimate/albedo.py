@@ -17,7 +17,7 @@ import os
 import numpy as np
 
 from mpsnet_core.arrays.row_bands import bands
-from mpsnet_core.arrays.types import Bools, Singles, StrPath
+from mpsnet_core.arrays.types import F32, Bools
 from mpsnet_core.capture.capture import Capture
 from mpsnet_core.errors import SettingsError
 from mpsnet_core.estimate.distant_lights import bands_with_lights
@@ -27,6 +27,7 @@ from mpsnet_core.io.image import linear_to_srgb
 from mpsnet_core.io.image_reading import read_image
 from mpsnet_core.io.image_writing import write_image
 from mpsnet_core.io.marks import made
+from mpsnet_core.io.opening import AnyPath
 from mpsnet_core.scene.normal_map import NormalMap
 
 # Lower limit of the shading (a cosine): below, the albedo would be noise. It comes out too dark instead.
@@ -45,7 +46,7 @@ BRIGHTEST, BRIGHTEST_PERCENTILE = 0.9, 99.5
 
 
 @takes_files
-def albedo_from_white(capture: Capture, normals: NormalMap) -> Singles:
+def albedo_from_white(capture: Capture, normals: NormalMap) -> F32:
     """Albedo of a matt surface from the capture's white photo.
 
     Parameters
@@ -98,7 +99,7 @@ def albedo_from_white(capture: Capture, normals: NormalMap) -> Singles:
     return albedo
 
 
-def write_albedo(path: StrPath, albedo: Singles, mask: Bools | None = None, *, bits: int | None = None) -> None:
+def write_albedo(path: AnyPath, albedo: F32, mask: Bools | None = None, *, bits: int | None = None) -> None:
     """Write an albedo: as sRGB clipped at 1, or linear in float files (EXR, 32-bit TIFF).
 
     Parameters
@@ -126,7 +127,7 @@ def write_albedo(path: StrPath, albedo: Singles, mask: Bools | None = None, *, b
     write_image(path, values, bits=bits, color_space=space, description=made("albedo"))
 
 
-def read_albedo(path: StrPath) -> Singles:
+def read_albedo(path: AnyPath) -> F32:
     """Read an albedo map, or any colour image as one.
 
     Parameters
@@ -150,12 +151,12 @@ def read_albedo(path: StrPath) -> Singles:
     return np.where(image.alpha[..., None] > 0.5, image.pixels, np.float32(np.nan))
 
 
-def _by_rig(capture: Capture, white: Singles, normals: Singles) -> Singles:
+def _by_rig(capture: Capture, white: F32, normals: F32) -> F32:
     """(H, W) shading by the rig's three lights, without the light that shadows block."""
     cosines = np.empty(normals.shape, np.float32)
     for rows, lights in bands_with_lights(capture):
         cosines[rows] = np.maximum(np.einsum("...ki,...i->...k", lights, normals[rows]), 0)
-    shading: Singles = cosines.sum(axis=-1)
+    shading: F32 = cosines.sum(axis=-1)
     grey = normalise_by_white_photo(capture)
     if grey.white is None:
         return shading
@@ -172,11 +173,11 @@ def _by_rig(capture: Capture, white: Singles, normals: Singles) -> Singles:
     # A highlight of one light looks like a shadow of the others, but is brighter than pixels lit by all three.
     ceiling = BRIGHTER * np.percentile(white[lit] / shading[lit][:, None], 95, axis=0)
     least = (white / np.maximum(ceiling, 1e-9).astype(np.float32)).max(axis=-1)
-    reached: Singles = np.maximum((arrives * cosines).sum(axis=-1), least)
+    reached: F32 = np.maximum((arrives * cosines).sum(axis=-1), least)
     return np.minimum(reached, shading)
 
 
-def _comparable(capture: Capture, white: Singles) -> Bools:
+def _comparable(capture: Capture, white: F32) -> Bools:
     """(H, W, 3) whether the photos show how much of a light arrives: not clipped, and not too dark in the white one."""
     bright: Bools = white > DARK * np.percentile(white[capture.mask], 99, axis=0)
     valid = capture.mask[..., None] & ~capture.saturated & bright

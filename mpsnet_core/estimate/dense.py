@@ -7,12 +7,11 @@ from typing import Protocol, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from mpsnet_core.arrays.block_means import means_inside
 from mpsnet_core.arrays.mask_regions import bounding_box
+from mpsnet_core.arrays.resampling import chosen_pixels, means_inside, upsampled
 from mpsnet_core.arrays.row_bands import bands
-from mpsnet_core.arrays.types import Bools, Floats, Singles
+from mpsnet_core.arrays.types import F32, Bools, Floats
 from mpsnet_core.arrays.unit_vectors import normalised
-from mpsnet_core.arrays.upsample import chosen_pixels, upsampled
 from mpsnet_core.capture.capture import Capture
 from mpsnet_core.estimate.card import ModelCard
 from mpsnet_core.estimate.features import (
@@ -44,7 +43,7 @@ READ_AT_ONCE = 1 << 20
 class NetworkRunner(Protocol):
     """Runs an ONNX network: inputs by name to normals (N, 3, H, W) and confidence (N, 1, H, W)."""
 
-    def __call__(self, inputs: dict[str, Singles], count: int, *size: int) -> tuple[Singles, Singles]: ...
+    def __call__(self, inputs: dict[str, F32], count: int, *size: int) -> tuple[F32, F32]: ...
 
 
 def predict_dense(network: NetworkRunner, card: ModelCard, capture: Capture, tile: int, progress: Progress) -> Floats:
@@ -92,7 +91,7 @@ def predict_dense(network: NetworkRunner, card: ModelCard, capture: Capture, til
 
 def _predict_magnified(
     network: NetworkRunner, card: ModelCard, photo: "_Photo", halving: int, tile: int, progress: Progress
-) -> Singles:
+) -> F32:
     """(h, w, 4) the output on a scale, estimated from its magnified image."""
     height, width = photo.shape(halving)
     crop = photo.crop((slice(0, height), slice(0, width)), halving, None)
@@ -112,7 +111,7 @@ def _magnified(capture: Capture, crop: PhotoCrop, times: float) -> Capture:
     return Capture(light, crop.mask[rows][:, columns], rig, white=light if crop.grey else None)
 
 
-def _resized(values: Singles, mask: Bools, shape: tuple[int, int]) -> Singles:
+def _resized(values: F32, mask: Bools, shape: tuple[int, int]) -> F32:
     """Values (h, w, C) resized bilinearly to (H, W), from the pixels inside the mask only."""
     inside = mask[..., None].astype(np.float32)
     covered = np.maximum(upsampled(inside, shape, slice(None)), np.float32(1e-3))
@@ -161,7 +160,7 @@ class _Photo:
         rig, grey = self.capture.rig, self.capture.white is not None
         return PhotoCrop(light, mask, rig.directions, self._means, before, rig.is_ground_truth, grey)
 
-    def _read(self, window: Window, halving: int) -> tuple[Singles, Bools]:
+    def _read(self, window: Window, halving: int) -> tuple[F32, Bools]:
         shape = window[0].stop - window[0].start, window[1].stop - window[1].start
         image, mask = np.zeros((*shape, 3), np.float32), np.zeros(shape, bool)
         # A few rows of the window at a time: a row of a coarse scale covers many of the photo's own rows.
@@ -182,7 +181,7 @@ class _Photo:
         return first, second
 
 
-def _previous(output: Floats, window: Window) -> Singles:
+def _previous(output: Floats, window: Window) -> F32:
     """The map "previous" (h, w, 4) of a window at twice the resolution of `output`; bilinear, ignoring empty pixels."""
     rows, columns = _window_on_previous_scale(window, output)
     part = output[rows, columns].astype(np.float32)
@@ -196,7 +195,7 @@ def _previous(output: Floats, window: Window) -> Singles:
         for side, source in zip(window, (rows, columns), strict=True)
     )
     part = part[down, right]
-    values: Singles = np.divide(part[..., :4], np.maximum(part[..., 4:], np.float32(1e-3)))
+    values: F32 = np.divide(part[..., :4], np.maximum(part[..., 4:], np.float32(1e-3)))
     values[..., :3] = normalised(values[..., :3])
     return values
 
@@ -210,7 +209,7 @@ def _window_on_previous_scale(window: Window, output: Floats) -> Window:
     return rows, columns
 
 
-def _doubled(values: Singles, axis: int) -> Singles:
+def _doubled(values: F32, axis: int) -> F32:
     """Upsample by 2 along an axis, bilinearly: 3/4 of each value and 1/4 of its nearer neighbour."""
     shape = list(values.shape)
     shape[axis] *= 2
@@ -226,7 +225,7 @@ def _doubled(values: Singles, axis: int) -> Singles:
     return twice
 
 
-def _predict_tile(network: NetworkRunner, card: ModelCard, crop: PhotoCrop, frame: LightFrame) -> Singles:
+def _predict_tile(network: NetworkRunner, card: ModelCard, crop: PhotoCrop, frame: LightFrame) -> F32:
     """(H, W, 4) unit normals in camera space and confidence; zero outside the mask."""
     height, width = crop.mask.shape
     size = _padded(frame.picture(crop.mask).shape, card.multiple)
@@ -239,7 +238,7 @@ def _predict_tile(network: NetworkRunner, card: ModelCard, crop: PhotoCrop, fram
     return output[:height, :width] * crop.mask[..., None]
 
 
-def _inputs(card: ModelCard, crop: PhotoCrop, frame: LightFrame) -> dict[str, Singles]:
+def _inputs(card: ModelCard, crop: PhotoCrop, frame: LightFrame) -> dict[str, F32]:
     """The network's inputs by name, (1, C, H, W), in a light frame."""
     turned = _in_frame(crop, frame, card.multiple)
     inputs = {}
@@ -307,7 +306,7 @@ def _step(length: int, tile: int, grain: int, reach: int) -> int:
 PATCHES_A_BATCH = 128
 
 
-def predict_patches(network: NetworkRunner, card: ModelCard, capture: Capture, progress: Progress) -> Singles:
+def predict_patches(network: NetworkRunner, card: ModelCard, capture: Capture, progress: Progress) -> F32:
     """(H, W, 4) normals of `capture`, not normalised, and their confidence; zero outside the mask."""
     side, reach = card.patch, card.patch // 2
     box = bounding_box(capture.mask)

@@ -16,7 +16,7 @@ from typing import TypeGuard
 import numpy as np
 
 from mpsnet_core.arrays.row_bands import bands
-from mpsnet_core.arrays.types import Doubles, Floats, Singles
+from mpsnet_core.arrays.types import F32, F64, Floats
 from mpsnet_core.arrays.unit_vectors import dot
 from mpsnet_core.capture.capture import Capture
 from mpsnet_core.scene.camera import Camera
@@ -45,7 +45,7 @@ def convert_to_distant_view(capture: Capture) -> Capture:
     return _relight(capture, rotate=True)
 
 
-def rotate_to_camera_space(normals: Singles, camera: Camera | None) -> None:
+def rotate_to_camera_space(normals: F32, camera: Camera | None) -> None:
     """Rotate normals (H, W, 3) estimated from :func:`convert_to_distant_view` into camera space, in place."""
     if not _is_perspective(camera):
         return
@@ -65,13 +65,13 @@ def _relight(capture: Capture, *, rotate: bool) -> Capture:
     return replace(capture, image=image, rig=rig, clip=np.inf)
 
 
-def bands_with_lights(capture: Capture) -> Iterator[tuple[slice, Doubles]]:
+def bands_with_lights(capture: Capture) -> Iterator[tuple[slice, F64]]:
     """Bands of rows, each with its lights as :func:`lights_in` returns them."""
     for rows in bands(len(capture.mask), ROWS):
         yield rows, lights_in(capture, rows)
 
 
-def lights_in(capture: Capture, rows: slice) -> Doubles:
+def lights_in(capture: Capture, rows: slice) -> F64:
     """Light directions times brightness at the pixels of some rows, one light per matrix row: (h, W, 3, 3), or (3, 3)
     for distant lights."""
     near, camera, depth = capture.rig.near, capture.camera, capture.depth
@@ -81,7 +81,7 @@ def lights_in(capture: Capture, rows: slice) -> Doubles:
     return near.lights_at(camera.points(np.where(capture.mask[rows], depth[rows], 1), rows.start))
 
 
-def pseudo_normals(light: Floats, lights: Floats) -> Doubles:
+def pseudo_normals(light: Floats, lights: Floats) -> F64:
     """Equation 2 with lights for each pixel: normals times albedo, (..., 3).
 
     light: (..., 3) unmixed image values. lights: (..., 3, 3) directions times brightness, one light per row.
@@ -95,7 +95,7 @@ def pseudo_normals(light: Floats, lights: Floats) -> Doubles:
     return (light[..., :1] * across + others) / volume
 
 
-def pseudo_normals_by_light(light: Floats, lights: Floats) -> Doubles:
+def pseudo_normals_by_light(light: Floats, lights: Floats) -> F64:
     """(N, 3, 3) the contribution of each light to :func:`pseudo_normals` of pixels (N, 3); axis 1 sums to it."""
     return light[:, :, None] * np.stack([pseudo_normals(axis, lights) for axis in np.eye(3)], axis=-2)
 
@@ -104,14 +104,14 @@ def _is_perspective(camera: Camera | None) -> TypeGuard[Camera]:
     return camera is not None and camera.projection == "perspective"
 
 
-def _rotation_to_z(camera: Camera, rows: slice) -> Doubles:
+def _rotation_to_z(camera: Camera, rows: slice) -> F64:
     """(h, W, 3) axes of the smallest rotations from lines of sight onto z; their length is the sine of the angle."""
     towards = -camera.points(np.ones((rows.stop - rows.start, camera.width)), rows.start)
     towards /= np.linalg.norm(towards, axis=-1, keepdims=True)
     return np.cross(towards, [0.0, 0.0, 1.0])
 
 
-def _rotate(vectors: Floats, axes: Doubles) -> Doubles:
+def _rotate(vectors: Floats, axes: F64) -> F64:
     """Rotate vectors about axes whose length is the sine of the angle, below 90° (Rodrigues' formula)."""
     cosine = np.sqrt(1 - dot(axes, axes))[..., None]
     once = np.cross(axes, vectors)

@@ -7,9 +7,9 @@ from typing import Literal
 
 import numpy as np
 
+from mpsnet_core.arrays.resampling import grid_step
 from mpsnet_core.arrays.row_bands import bands
-from mpsnet_core.arrays.sampling import grid_step
-from mpsnet_core.arrays.types import Bools, Indices, Singles, StrPath
+from mpsnet_core.arrays.types import F32, Bools, Indices
 from mpsnet_core.capture.capture import Capture
 from mpsnet_core.errors import SettingsError
 from mpsnet_core.estimate.albedo_removal import divide_out_grain, estimate_with_albedo_removed
@@ -19,6 +19,7 @@ from mpsnet_core.estimate.registry import BASELINES, DEFAULT_MODEL, DEFAULT_TILE
 from mpsnet_core.estimate.uniform_albedo import refine_normals
 from mpsnet_core.estimate.white_photo import normalise_by_white_photo
 from mpsnet_core.io.from_files import takes_files
+from mpsnet_core.io.opening import AnyPath
 from mpsnet_core.progress import Progress, part, silent
 from mpsnet_core.scene.normal_map import NormalMap
 
@@ -107,7 +108,7 @@ class Estimator:
 
     def __init__(
         self,
-        model: StrPath = DEFAULT_MODEL,
+        model: AnyPath = DEFAULT_MODEL,
         *,
         passes: Literal[1, 3] | None = None,
         provider: str = "cpu",
@@ -157,7 +158,7 @@ class Estimator:
 @takes_files
 def estimate_normals(
     capture: Capture,
-    model: StrPath = DEFAULT_MODEL,
+    model: AnyPath = DEFAULT_MODEL,
     *,
     passes: Literal[1, 3] | None = None,
     provider: str = "cpu",
@@ -208,7 +209,7 @@ def usable_channels(capture: Capture) -> Bools:
     """(H, W, 3) whether a light reaches the pixel and its channel is not saturated."""
     everywhere, usable = bands(len(capture.mask)), np.empty(capture.image.shape, bool)
 
-    def light(rows: slice) -> Singles:
+    def light(rows: slice) -> F32:
         return capture.rig.unmixed(capture.image[rows])
 
     bright = []

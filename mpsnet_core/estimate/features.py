@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mpsnet_core.arrays.row_bands import bands
-from mpsnet_core.arrays.types import Bools, Doubles, Singles
+from mpsnet_core.arrays.types import F32, F64, Bools
 from mpsnet_core.arrays.unit_vectors import normalised
 from mpsnet_core.capture.capture import Capture
 
@@ -39,12 +39,12 @@ class LightFrame:
     """Whether left and right are then swapped."""
 
     @property
-    def rotation(self) -> Doubles:
+    def rotation(self) -> F64:
         """(3, 3) matrix from camera space into the frame, for column vectors; a reflection if mirrored."""
         turn = np.linalg.matrix_power(QUARTER_TURN, self.quarter_turns)
         return MIRROR @ turn if self.mirrored else turn
 
-    def lights(self, directions: Doubles) -> Doubles:
+    def lights(self, directions: F64) -> F64:
         """(3, 3) the rig's directions in the frame and in its order, one light per row."""
         return directions[list(self.order)] @ self.rotation.T
 
@@ -57,7 +57,7 @@ class LightFrame:
 CAMERA_FRAME = LightFrame()
 
 
-def canonical_frames(directions: Doubles, passes: int = 6) -> list[LightFrame]:
+def canonical_frames(directions: F64, passes: int = 6) -> list[LightFrame]:
     """Frames with counter-clockwise lights, sorted by how close their first light is to straight up.
 
     directions: (3, 3) one light per row, in camera space. passes: number of frames, 1 to 6. Each light can be the
@@ -104,13 +104,13 @@ CONSTANTS = frozenset({"lights", "channel_means", "given", "exact"})
 MIN_MEAN = 1e-4
 
 
-def divide_by_means(image: Singles, means: Doubles | float) -> Singles:
+def divide_by_means(image: F32, means: F64 | float) -> F32:
     """The image (..., 3) divided by one mean, or each channel by its own; by 1 if that is not above 0."""
-    divisor: Singles = np.where(np.greater(means, 0), means, 1).astype(np.float32)
+    divisor: F32 = np.where(np.greater(means, 0), means, 1).astype(np.float32)
     return image / divisor
 
 
-def initial_normals(image: Singles, directions: Doubles) -> Singles:
+def initial_normals(image: F32, directions: F64) -> F32:
     """Equation 2: ``n = L⁻¹ c``, normalised.
 
     image: (..., 3) linear, one channel per light. directions: (3, 3), one unit vector per row. Returns (..., 3) unit
@@ -127,15 +127,15 @@ def channel_count(features: Iterable[str]) -> int:
 class PhotoCrop(NamedTuple):
     """A window of a photo on some scale, and properties of the whole photo."""
 
-    light: Singles
+    light: F32
     """(H, W, 3). Unmixed image."""
     mask: Bools
     """(H, W). The object."""
-    directions: Doubles
+    directions: F64
     """(3, 3). Light directions in camera space, one light per row."""
-    means: Doubles
+    means: F64
     """(3,). Mean of `light` over the whole mask."""
-    previous: Singles | None = None
+    previous: F32 | None = None
     """(H, W, 4). The map "previous"; None on the first scale."""
     is_ground_truth: bool = False
     """Whether the lights are known exactly."""
@@ -143,14 +143,14 @@ class PhotoCrop(NamedTuple):
     """Whether a white photo removed the surface's colour."""
 
 
-def feature_maps(capture: Capture, names: Iterable[str]) -> dict[str, Singles]:
+def feature_maps(capture: Capture, names: Iterable[str]) -> dict[str, F32]:
     """The named maps of a whole photo, each (C, H, W) float32 and zero outside the mask; constants are (C, 1, 1)."""
     light, rig, grey = capture.rig.unmixed(capture.image), capture.rig, capture.white is not None
     crop = PhotoCrop(light, capture.mask, rig.directions, mean_light(capture), None, rig.is_ground_truth, grey)
     return {name: feature_map(name, crop) for name in names}
 
 
-def mean_light(capture: Capture) -> Doubles:
+def mean_light(capture: Capture) -> F64:
     """(3,) mean of the unmixed image over the mask."""
     total = np.zeros(3)
     for rows in bands(len(capture.mask)):
@@ -158,14 +158,14 @@ def mean_light(capture: Capture) -> Doubles:
     return np.linalg.solve(capture.rig.mixing, total / capture.mask.sum())
 
 
-def feature_map(name: str, crop: PhotoCrop) -> Singles:
+def feature_map(name: str, crop: PhotoCrop) -> F32:
     """The named map of a window, (C, H, W) float32 and zero outside the mask; constants are (C, 1, 1)."""
     light, mask, directions, means = crop.light, crop.mask, crop.directions, crop.means
     if name == "lights":
         return directions.astype(np.float32).reshape(9, 1, 1)
     if name == "channel_means":
         floor = np.maximum(means, MIN_MEAN * max(float(means.mean()), 1e-30))
-        shares: Doubles = floor / floor.mean()
+        shares: F64 = floor / floor.mean()
         return shares.astype(np.float32).reshape(3, 1, 1)
     if name == "given":
         return np.array([crop.previous is not None, crop.grey], np.float32).reshape(2, 1, 1)

@@ -16,7 +16,7 @@ import numpy as np
 import onnxruntime
 
 from mpsnet_core.arrays.row_bands import bands
-from mpsnet_core.arrays.types import Singles, StrPath
+from mpsnet_core.arrays.types import F32
 from mpsnet_core.capture.capture import Capture
 from mpsnet_core.errors import FormatError, SettingsError, check_choice
 from mpsnet_core.estimate.card import ModelCard, card_from_metadata, record_from_metadata
@@ -25,6 +25,7 @@ from mpsnet_core.estimate.distant_lights import convert_to_distant_view, rotate_
 from mpsnet_core.estimate.features import CONSTANTS, channel_count
 from mpsnet_core.estimate.registry import DEFAULT_TILE
 from mpsnet_core.io.files import existing_file, prefix_errors
+from mpsnet_core.io.opening import AnyPath
 from mpsnet_core.progress import Progress, silent
 from mpsnet_core.scene.normal_map import NormalMap
 
@@ -178,7 +179,7 @@ class OnnxModel:
 
     def __init__(
         self,
-        path: StrPath,
+        path: AnyPath,
         *,
         provider: str = "cpu",
         threads: int = 0,
@@ -222,7 +223,7 @@ class OnnxModel:
         progress(1.0, "normals estimated")
         return NormalMap(answer[..., :3], capture.mask, answer[..., 3], in_place=True)
 
-    def _run(self, inputs: dict[str, Singles], count: int, *size: int) -> tuple[Singles, Singles]:
+    def _run(self, inputs: dict[str, F32], count: int, *size: int) -> tuple[F32, F32]:
         """The network's normals (count, 3, *size) and confidence (count, 1, *size); all 1 if it outputs none."""
         try:
             outputs = dict(zip(self._outputs, run_session(self.session, inputs), strict=True))
@@ -254,7 +255,7 @@ class OnnxModel:
         with contextlib.suppress(*_RUNTIME_ERRORS):  # other people's networks may refuse so small an input
             run_session(self.session, least, shrinking)
 
-    def _shaped(self, name: str, outputs: dict[str, Singles], expected: tuple[int, ...]) -> Singles:
+    def _shaped(self, name: str, outputs: dict[str, F32], expected: tuple[int, ...]) -> F32:
         """An output in the expected shape. Axes of length one may differ."""
         shape = outputs[name].shape
         if [length for length in shape if length > 1] != [length for length in expected if length > 1]:
@@ -263,8 +264,8 @@ class OnnxModel:
 
 
 def run_session(
-    session: onnxruntime.InferenceSession, inputs: dict[str, Singles], options: onnxruntime.RunOptions | None = None
-) -> list[Singles]:
+    session: onnxruntime.InferenceSession, inputs: dict[str, F32], options: onnxruntime.RunOptions | None = None
+) -> list[F32]:
     """Run a network. If a signal raises an exception meanwhile, the network stops after its present layer."""
     options = options or onnxruntime.RunOptions()
     return _in_a_thread(lambda: session.run(None, inputs, options), stop=lambda: setattr(options, "terminate", True))

@@ -17,7 +17,7 @@ from mpsnet_core.operation import Operation, Result, option
 from mpsnet_core.progress import Progress, part, silent
 
 if TYPE_CHECKING:
-    from mpsnet_core.arrays.types import Doubles
+    from mpsnet_core.arrays.types import F64
     from mpsnet_core.estimate.estimator import Estimator
     from mpsnet_core.estimate.lights.find import LightFound
     from mpsnet_core.estimate.sequence.run import Outcome
@@ -214,7 +214,7 @@ class Estimate(RunsModel, HasViewpoint, ReadsPhotos):
         check_no_overwrite(inputs, [output, *maps])
         return self._photo(photos[0], output, white_light, progress)
 
-    def _photo(self, photo: Path, output: Path, white_light: "Doubles | None", progress: Progress) -> NormalsMade:
+    def _photo(self, photo: Path, output: Path, white_light: "F64 | None", progress: Progress) -> NormalsMade:
         from mpsnet_core.capture.open import open_captures
         from mpsnet_core.estimate.albedo import albedo_from_white, write_albedo
         from mpsnet_core.estimate.ambient_light import warn_of_ambient_light
@@ -247,7 +247,7 @@ class Estimate(RunsModel, HasViewpoint, ReadsPhotos):
         text = f"{output}: normals by {self.model}" + (f"\n{self.albedo}: albedo" if self.albedo else "")
         return NormalsMade([str(output)], int(normals.mask.sum()), self.albedo, lights, text=text)
 
-    def _white_light(self) -> "Doubles | None":
+    def _white_light(self) -> "F64 | None":
         """(3,) direction of the one lamp that lit the white photo; None if the rig's lights did."""
         if self.albedo and not self.white:
             raise SettingsError("--albedo is made from a photo under white light; give it with --white")

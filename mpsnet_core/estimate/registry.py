@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal, NamedTuple
 
-from mpsnet_core.arrays.types import StrPath
 from mpsnet_core.errors import FileError, SettingsError
+from mpsnet_core.io.opening import AnyPath
 
 log = logging.getLogger(__name__)
 
@@ -120,7 +120,7 @@ class NetworkFile(NamedTuple):
     """Number of passes in place of the card's, see :class:`RegisteredModel`."""
 
 
-def find_network(name: StrPath) -> NetworkFile:
+def find_network(name: AnyPath) -> NetworkFile:
     """The ONNX file of a network given by name or by path.
 
     Raises SettingsError if there is no such network, FileError if its file is missing.

@@ -7,11 +7,12 @@ import numpy as np
 import OpenImageIO as oiio
 from numpy.typing import NDArray
 
-from mpsnet_core.arrays.types import Bools, Floats, Singles, StrPath
+from mpsnet_core.arrays.types import F32, Bools, Floats
 from mpsnet_core.arrays.unit_vectors import dot, normalised
 from mpsnet_core.errors import FormatError
 from mpsnet_core.io.files import existing_file
 from mpsnet_core.io.image_input import channel_names, image_input_or_reason, pending_error, silence_libraries
+from mpsnet_core.io.opening import AnyPath
 from mpsnet_core.scene.camera import Camera
 from mpsnet_core.scene.mesh import triangle_normals
 from mpsnet_core.scene.rays import RayScene
@@ -29,7 +30,7 @@ _ELSEWHERE = ((np.stack(np.meshgrid(np.arange(4), np.arange(4)), axis=-1) + 0.5)
 
 
 def sample_from_cycles(
-    path: StrPath, recipe: SceneDescription, vertices: Floats, triangles: NDArray[np.integer[Any]], renderer: str
+    path: AnyPath, recipe: SceneDescription, vertices: Floats, triangles: NDArray[np.integer[Any]], renderer: str
 ) -> Sample:
     """The sample in the multi-layer EXR that Blender 4.5 or later rendered for a recipe.
 
@@ -46,7 +47,7 @@ def sample_from_cycles(
     planes = _planes(path)
     camera = recipe.camera
 
-    def layer(name: str, *choices: str) -> Singles:
+    def layer(name: str, *choices: str) -> F32:
         """A pass, (H, W, C), by its name and the possible names of its channels."""
         for channels in choices:
             if all(f"{name}.{channel}" in planes for channel in channels):
@@ -71,12 +72,12 @@ def sample_from_cycles(
     return Sample(lights, normals, depth, alpha, material, lit, recipe, renderer)
 
 
-def _planes(path: Path) -> dict[str, Singles]:
+def _planes(path: Path) -> dict[str, F32]:
     """All channels of all parts of a file, by name without the view layer."""
     source, reason = image_input_or_reason(path)
     if source is None:
         raise FormatError(f"{path} is not a render, or cut short ({reason}); make the sample again")
-    planes: dict[str, Singles] = {}
+    planes: dict[str, F32] = {}
     try:
         part = 0
         while source.seek_subimage(part, 0):
@@ -93,7 +94,7 @@ def _planes(path: Path) -> dict[str, Singles]:
     return planes
 
 
-def _checked(values: Singles, what: str, camera: Camera, path: Path) -> Singles:
+def _checked(values: F32, what: str, camera: Camera, path: Path) -> F32:
     height, width = values.shape[:2]
     if (width, height) != (camera.width, camera.height):
         raise FormatError(f"{path} is {width} x {height}, not {camera.width} x {camera.height}; make it again")
@@ -107,9 +108,9 @@ def _traced(
     scene: RayScene,
     vertices: Floats,
     triangles: NDArray[np.integer[Any]],
-    normals: Singles,
+    normals: F32,
     covered: Bools,
-) -> tuple[Singles, Singles]:
+) -> tuple[F32, F32]:
     """Depth (H, W), and `lit` (3, H, W), of the covered pixels."""
     camera = recipe.camera
     depth = np.zeros(covered.shape, np.float32)

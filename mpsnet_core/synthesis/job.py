@@ -7,10 +7,10 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any, Literal
 
-from mpsnet_core.arrays.types import StrPath
 from mpsnet_core.errors import FileError, FormatError, InputError, SettingsError, check_choice
 from mpsnet_core.io.claims import LOCK_FILE, Claims
 from mpsnet_core.io.files import check_no_link, ensure_folder, read_json, write_json
+from mpsnet_core.io.opening import AnyPath
 
 JOB_FORMAT = "mpsnet-samples"
 JOB_VERSION = 1
@@ -127,7 +127,7 @@ class SampleJob:
             raise SettingsError("measured materials (merl) are for synthesis alone; leave them out for Blender")
 
 
-def sample_path(folder: StrPath, number: int) -> Path:
+def sample_path(folder: AnyPath, number: int) -> Path:
     """The file of sample `number` of the job in `folder`."""
     return Path(folder) / f"sample_{number:06d}.exr"
 
@@ -138,14 +138,14 @@ def sample_number(name: str) -> int | None:
     return int(found[1]) if found else None
 
 
-def samples_there(folder: StrPath) -> set[int]:
+def samples_there(folder: AnyPath) -> set[int]:
     """Numbers of the samples in a folder. Empty files, which a power cut may leave, do not count."""
     with os.scandir(folder) as entries:
         whole = [entry for entry in entries if re.fullmatch(r"sample_\d{6,8}\.exr", entry.name)]
         return {int(entry.name[7:-4]) for entry in whole if entry.stat().st_size}
 
 
-def read_job(folder: StrPath) -> SampleJob:
+def read_job(folder: AnyPath) -> SampleJob:
     """The job of a folder. Raises FileError if there is none, FormatError if it is malformed."""
     names = tuple(SampleJob.__dataclass_fields__)
     data = read_json(Path(folder) / JOB_FILE, JOB_FORMAT, JOB_VERSION, names)
@@ -161,14 +161,14 @@ def read_job(folder: StrPath) -> SampleJob:
         raise FormatError(f"{Path(folder) / JOB_FILE}: {error}") from None
 
 
-def write_job(folder: StrPath, job: SampleJob) -> None:
+def write_job(folder: AnyPath, job: SampleJob) -> None:
     """Write the job to its folder, atomically. Raises FileError if its path is a link."""
     path = Path(folder) / JOB_FILE
     check_no_link(path)
     write_json(path, {"format": JOB_FORMAT, "version": JOB_VERSION, **asdict(job)})
 
 
-def place_job(folder: StrPath, job: SampleJob) -> bool:
+def place_job(folder: AnyPath, job: SampleJob) -> bool:
     """Assign the job to a new or empty folder, or to one with the same job, whose count it may increase.
 
     Returns whether the folder had no job before. Raises SettingsError if the folder has another job, naming the

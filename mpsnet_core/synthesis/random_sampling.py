@@ -5,7 +5,7 @@ from typing import TypeVar
 
 import numpy as np
 
-from mpsnet_core.arrays.types import Doubles
+from mpsnet_core.arrays.types import F64
 
 Choice = TypeVar("Choice")
 
@@ -47,15 +47,15 @@ def choice(rng: np.random.Generator, choices: Sequence[Choice], weights: Sequenc
     return choices[min(len(choices) - 1, int(np.searchsorted(shares, rng.random() * shares[-1], side="right")))]
 
 
-def direction(rng: np.random.Generator) -> Doubles:
+def direction(rng: np.random.Generator) -> F64:
     """A uniformly distributed unit vector."""
     vector = rng.normal(size=3)
     return vector / np.linalg.norm(vector)
 
 
-def rotation(rng: np.random.Generator) -> Doubles:
+def rotation(rng: np.random.Generator) -> F64:
     """(3, 3) a uniformly distributed rotation; rows are its axes."""
     z, hint = direction(rng), direction(rng)
-    x: Doubles = np.cross(hint, z)
+    x: F64 = np.cross(hint, z)
     x /= np.linalg.norm(x)
     return np.stack([x, np.cross(z, x), z])

@@ -9,14 +9,14 @@ from typing import Any
 
 import numpy as np
 import OpenImageIO as oiio
-from numpy.typing import NDArray
 
-from mpsnet_core.arrays.types import Bools, Singles, StrPath
+from mpsnet_core.arrays.types import F32, I32, Bools
 from mpsnet_core.arrays.unit_vectors import dot, normalised
 from mpsnet_core.errors import FileError, FormatError, InputError
 from mpsnet_core.io.files import MAX_TEXT_BYTES, atomic_write, existing_file
 from mpsnet_core.io.image_input import channel_names, image_attribute, image_input, pending_error, silence_libraries
 from mpsnet_core.io.image_reading import MAX_VALUE
+from mpsnet_core.io.opening import AnyPath
 from mpsnet_core.scene.rig import LightRig
 from mpsnet_core.synthesis.scene_description import SceneDescription, scene_from_data
 
@@ -42,20 +42,20 @@ _NO_DATE = "1970:01:01 00:00:00"
 class Sample:
     """One view under each of three white lights, H x W pixels, row 0 on top."""
 
-    lights: Singles
+    lights: F32
     """(3, H, W, 3) float32. Linear RGB radiance under each light alone; 1 for a white matt surface facing the light.
     Premultiplied with alpha: the background is black."""
-    normals: Singles
+    normals: F32
     """(H, W, 3) float32. True unit normals in camera space (x right, y up, z towards the camera), bump included; zero
     outside alpha."""
-    depth: Singles
+    depth: F32
     """(H, W) float32. Distance in front of the camera along its axis, in radii of the object's bounding sphere; 0
     outside alpha."""
-    alpha: Singles
+    alpha: F32
     """(H, W) float32. Coverage of the pixel by the object, 0 to 1."""
-    material: NDArray[np.int32]
+    material: I32
     """(H, W) int32. Index of the material with the largest weight; -1 outside alpha."""
-    lit: Singles
+    lit: F32
     """(3, H, W) float32. Share of each light that reaches the pixel, 0 to 1; 0 in attached and cast shadow."""
     recipe: SceneDescription
     """Description of the scene."""
@@ -75,7 +75,7 @@ class Sample:
         return tuple(float(share) for share in shares)  # type: ignore[return-value]
 
 
-def write_sample(path: StrPath, sample: Sample) -> None:
+def write_sample(path: AnyPath, sample: Sample) -> None:
     """Write a sample as one multi-layer EXR, atomically.
 
     Layers are light1, light2, light3 (R, G, B), normal (X, Y, Z), depth (Z), alpha (A), material and lit1 to lit3 (V).
@@ -117,7 +117,7 @@ def write_sample(path: StrPath, sample: Sample) -> None:
             raise FileError(f"cannot write {path} ({reason}); is the disk full?")
 
 
-def read_sample(path: StrPath) -> Sample:
+def read_sample(path: AnyPath) -> Sample:
     """Read and check a sample.
 
     Parameters
@@ -161,7 +161,7 @@ def read_sample(path: StrPath) -> Sample:
     return Sample(lights, normals, depth, alpha, material, lit, recipe, data["renderer"])
 
 
-def read_sample_data(path: StrPath) -> dict[str, Any]:
+def read_sample_data(path: AnyPath) -> dict[str, Any]:
     """Read a sample's metadata only: "version", "renderer", "lit_fractions" and "recipe" (plain data).
 
     Also reads the last row of pixels, which truncated files lack. Raises FormatError if the file is truncated or no
@@ -175,7 +175,7 @@ def read_sample_data(path: StrPath) -> dict[str, Any]:
 
 
 @contextmanager
-def _opened(path: StrPath) -> Iterator[tuple[Any, Path]]:
+def _opened(path: AnyPath) -> Iterator[tuple[Any, Path]]:
     """The open file, after checking that it is one image with a sample's channels and an acceptable size."""
     path = existing_file(path, "sample")
     source = image_input(path)
@@ -226,7 +226,7 @@ def _description(source: Any, path: Path) -> tuple[dict[str, Any], SceneDescript
     return data, recipe
 
 
-def _pixels(source: Any, begin: int, end: int, path: Path) -> Singles:
+def _pixels(source: Any, begin: int, end: int, path: Path) -> F32:
     """Rows `begin` to `end` - 1 of all channels, (rows, W, C)."""
     with silence_libraries():
         values = source.read_scanlines(begin, end, 0, 0, len(_CHANNELS), oiio.FLOAT)
@@ -240,6 +240,6 @@ def _damaged(path: Path, fault: str) -> FormatError:
     return FormatError(f"sample {path} is damaged: it holds {fault}; delete it and make it again")
 
 
-def _outside_unit(values: Singles) -> bool:
+def _outside_unit(values: F32) -> bool:
     # Half floats and denoisers cause small deviations.
     return bool(values.min() < -0.001 or values.max() > 1.001)

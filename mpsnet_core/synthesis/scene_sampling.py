@@ -12,7 +12,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from mpsnet_core.arrays.types import Doubles
+from mpsnet_core.arrays.types import F64
 from mpsnet_core.errors import SettingsError
 from mpsnet_core.scene.camera import Camera
 from mpsnet_core.scene.rig import direction_from_angles
@@ -166,7 +166,7 @@ def _bounces(rng: np.random.Generator, job: SampleJob, shares: Sequence[float]) 
 # --- poses, camera and lights -----------------------------------------------------------------------------------------
 
 
-def _rotation(rng: np.random.Generator, pose: str) -> Doubles:
+def _rotation(rng: np.random.Generator, pose: str) -> F64:
     if pose not in ("upright", "front"):
         return rotation(rng)
     spin = turn_about(Z, uniform(rng, 0, 360)).T
@@ -175,7 +175,7 @@ def _rotation(rng: np.random.Generator, pose: str) -> Doubles:
         return roll @ turn_about((1, 0, 0), uniform(rng, *UPRIGHT_ELEVATION) - 90).T @ spin
     # "front": the object's z towards the camera
     tilt = uniform(rng, 0, 2 * math.pi)
-    lean: Doubles = turn_about((math.cos(tilt), math.sin(tilt), 0), FRONT_TURN * math.sqrt(rng.random())).T
+    lean: F64 = turn_about((math.cos(tilt), math.sin(tilt), 0), FRONT_TURN * math.sqrt(rng.random())).T
     return lean @ spin
 
 
@@ -191,14 +191,14 @@ def _camera(rng: np.random.Generator, size: int) -> Camera:
     return Camera("perspective", size, size, np.full(2, size * length / SENSOR_WIDTH), centre, pose)
 
 
-def _light_directions(rng: np.random.Generator) -> Doubles:
+def _light_directions(rng: np.random.Generator) -> F64:
     slants = np.clip(uniform(rng, *SLANT) + SLANT_SPREAD * rng.normal(size=3), *SLANT)
     handed = 1 if rng.random() < 0.5 else -1
     strays = np.clip(TILT_SPREAD * rng.normal(size=3), -TILT_REACH, TILT_REACH)
     return direction_from_angles(slants, 360 * rng.random() + handed * np.array([0, 120, 240]) + strays)
 
 
-def _published_directions(rng: np.random.Generator, rigs: Sequence[Any]) -> Doubles:
+def _published_directions(rng: np.random.Generator, rigs: Sequence[Any]) -> F64:
     slants, tilts = np.array(choice(rng, rigs)) + PUBLISHED_SPREAD * np.clip(rng.normal(size=(2, 3)), -2, 2)
     return direction_from_angles(slants, tilts)
 

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from mpsnet_core.arrays.row_bands import bands, on_all_cores
-from mpsnet_core.arrays.types import Bools, Doubles, Floats
+from mpsnet_core.arrays.types import F64, Bools, Floats
 from mpsnet_core.capture.capture import Capture
 from mpsnet_core.estimate.distant_lights import lights_in
 from mpsnet_core.scene.normal_map import NormalMap
@@ -25,7 +25,7 @@ class Pixels(NamedTuple):
 
     light: Floats
     """(..., 3). Unmixed image."""
-    lights: Doubles
+    lights: F64
     """(..., 3, 3). Light directions times brightness, one light per row."""
     cosines: Floats
     """(..., 3). `lights` times the estimated normals."""

@@ -10,8 +10,7 @@ Only pixels where the network's normal agrees with equation 2's count: there the
 
 import numpy as np
 
-from mpsnet_core.arrays.gaussian import gaussian
-from mpsnet_core.arrays.sampling import sampled_rows
+from mpsnet_core.arrays.resampling import gaussian, sampled_rows
 from mpsnet_core.arrays.types import Floats, Indices
 from mpsnet_core.arrays.unit_vectors import normalised
 from mpsnet_core.capture.capture import Capture

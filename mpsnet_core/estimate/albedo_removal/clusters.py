@@ -14,9 +14,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mpsnet_core.arrays.gaussian import gaussian
-from mpsnet_core.arrays.sampling import sampled_rows
-from mpsnet_core.arrays.types import Doubles, Floats, Indices, Singles
+from mpsnet_core.arrays.resampling import gaussian, sampled_rows
+from mpsnet_core.arrays.types import F32, F64, Floats, Indices
 from mpsnet_core.capture.capture import Capture
 from mpsnet_core.estimate.albedo_removal.albedos import MIN_PIXELS, SAMPLED, divide_out_albedo, pixels_in, valid_in
 from mpsnet_core.scene.normal_map import NormalMap
@@ -39,12 +38,12 @@ MIN_DIFFERENCE = 0.2
 class _Clusters:
     """Clusters of colours in a histogram of log albedos."""
 
-    centre: Doubles
+    centre: F64
     """(3,). Log albedo at the histogram's centre."""
-    offsets: Singles
+    offsets: F32
     """(CELLS, CELLS, CELLS, 3). Difference between the log colour of each cell's cluster and the mean."""
 
-    def colours(self, log_albedos: Floats) -> Singles:
+    def colours(self, log_albedos: Floats) -> F32:
         """(..., 3) colour of each pixel's cluster divided by the mean colour."""
         return np.exp(self.offsets[tuple(np.moveaxis(_cells(log_albedos, self.centre), -1, 0))])
 
@@ -122,7 +121,7 @@ def _find_clusters(log_albedos: Floats, weights: Floats) -> _Clusters | None:
     return _Clusters(centre, table.reshape(*SHAPE, 3))
 
 
-def _cells(log_albedos: Floats, centre: Doubles) -> Indices:
+def _cells(log_albedos: Floats, centre: F64) -> Indices:
     """(..., 3) cells of the histogram, clamped to its borders."""
     return np.clip((log_albedos - centre + HALF_WIDTH) / CELL, 0, CELLS - 1).astype(np.intp)
 

@@ -16,12 +16,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from mpsnet_core.arrays.block_means import means_inside
 from mpsnet_core.arrays.gradient_derivatives import gradient_derivatives
-from mpsnet_core.arrays.robust_statistics import TUKEY, biweight, deviation
+from mpsnet_core.arrays.resampling import means_inside, sampled_rows
 from mpsnet_core.arrays.row_bands import bands
-from mpsnet_core.arrays.sampling import sampled_rows
-from mpsnet_core.arrays.types import Bools, Doubles, Floats
+from mpsnet_core.arrays.statistics import TUKEY, biweight, deviation
+from mpsnet_core.arrays.types import F64, Bools, Floats
 from mpsnet_core.arrays.unit_vectors import normalised
 from mpsnet_core.capture.capture import Capture
 from mpsnet_core.estimate.albedo_removal.albedos import ROWS, SAMPLED, divide_out_albedo
@@ -57,7 +56,7 @@ LEFT_BY_NOISE, MIN_LEFT, ABOVE_NOISE = 1 / 3.5, 0.003, 1.6
 class Grain:
     """Fit of a surface of one chromaticity with varying brightness."""
 
-    gains: Doubles
+    gains: F64
     """(3,) float64. Gains times unmixed light is each light's cosine times the albedo relative to the mean."""
     deviation: float
     """Standard deviation of the log relative albedo."""
@@ -113,7 +112,7 @@ def find_grain(capture: Capture) -> Grain | None:
     return grain if proven else None
 
 
-def _equation_2(capture: Capture, rows: slice, gains: Doubles) -> tuple[Floats, Doubles, Bools]:
+def _equation_2(capture: Capture, rows: slice, gains: F64) -> tuple[Floats, F64, Bools]:
     """For some rows: the unmixed image (h, W, 3), equation 2's vectors (h, W, 3), and whether they count (h, W)."""
     light = capture.rig.unmixed(capture.image[rows].astype(np.float32, copy=False))
     usable = capture.mask[rows] & (light > 0).all(axis=-1) & ~capture.saturated_in(rows).any(axis=-1)

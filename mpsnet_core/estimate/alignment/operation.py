@@ -14,7 +14,7 @@ from mpsnet_core.progress import Progress, part, silent
 from mpsnet_core.scene.operations import TakesMesh
 
 if TYPE_CHECKING:
-    from mpsnet_core.arrays.types import Bools, Doubles, Singles
+    from mpsnet_core.arrays.types import F32, F64, Bools
     from mpsnet_core.capture.capture import Capture
     from mpsnet_core.estimate.alignment.points import PointFit
     from mpsnet_core.estimate.alignment.pose import MeshFaces
@@ -142,7 +142,7 @@ class Align(RunsModel, TakesMesh, ReadsPhotos):
         fits, point_fit, turned_over = self._fits(capture, faces, pairs, progress)
         return self._written(capture, faces, fits, pairs, point_fit, turned_over, progress)
 
-    def _pairs(self) -> "tuple[Doubles, Doubles] | None":
+    def _pairs(self) -> "tuple[F64, F64] | None":
         """The pairs of points, those on the mesh in world space."""
         from mpsnet_core.estimate.alignment.points import read_pairs
         from mpsnet_core.scene.mesh import world_from_file
@@ -181,7 +181,7 @@ class Align(RunsModel, TakesMesh, ReadsPhotos):
         return focal
 
     def _fits(
-        self, capture: "Capture", faces: "MeshFaces", pairs: "tuple[Doubles, Doubles] | None", progress: Progress
+        self, capture: "Capture", faces: "MeshFaces", pairs: "tuple[F64, F64] | None", progress: Progress
     ) -> "tuple[list[Fit], PointFit | None, bool]":
         """The best fits, the fit of the pairs alone, and whether the mirror image of the mesh fits better."""
         import numpy as np
@@ -232,7 +232,7 @@ class Align(RunsModel, TakesMesh, ReadsPhotos):
         capture: "Capture",
         faces: "MeshFaces",
         fits: "list[Fit]",
-        pairs: "tuple[Doubles, Doubles] | None",
+        pairs: "tuple[F64, F64] | None",
         by_points: "PointFit | None",
         turned_over: bool,
         progress: Progress,
@@ -281,9 +281,9 @@ class Align(RunsModel, TakesMesh, ReadsPhotos):
         capture: "Capture",
         faces: "MeshFaces",
         fits: "list[Fit]",
-        pairs: "tuple[Doubles, Doubles] | None",
+        pairs: "tuple[F64, F64] | None",
         left_out: tuple[int, ...],
-    ) -> "Singles":
+    ) -> "F32":
         import numpy as np
 
         from mpsnet_core.estimate.alignment.overlay import overlay
@@ -369,7 +369,7 @@ class _ObjectCrop:
     def capture(self, capture: "Capture") -> "Capture":
         import numpy as np
 
-        from mpsnet_core.arrays.block_means import block_means
+        from mpsnet_core.arrays.resampling import block_means
 
         factor, here = self.factor, (self.rows, self.columns)
         image, mask, clipped, depth = capture.image[here], capture.mask[here], capture.clipped, capture.depth
@@ -424,7 +424,7 @@ def _of_size(camera: "Camera", width: int, height: int, what: Literal["start", "
     return replace(camera, width=width, height=height, focal=np.full(2, camera.focal.mean() * scale), centre=centre)
 
 
-def _contradicts(camera: "Camera", by_points: "PointFit", pixels: "Doubles", points: "Doubles") -> bool:
+def _contradicts(camera: "Camera", by_points: "PointFit", pixels: "F64", points: "F64") -> bool:
     """Whether a refined camera's reprojection error of the pairs is larger than errors of clicking explain."""
     import numpy as np
 

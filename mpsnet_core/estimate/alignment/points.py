@@ -6,10 +6,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mpsnet_core.arrays.types import Bools, Floats, StrPath
+from mpsnet_core.arrays.types import Bools, Floats
 from mpsnet_core.errors import FormatError, GeometryError
 from mpsnet_core.estimate.alignment.pose import PARAMETERS, Poses, flow, spread_rotations
 from mpsnet_core.io.files import check_small, existing_file
+from mpsnet_core.io.opening import AnyPath
 from mpsnet_core.scene.camera import Camera
 
 MIN_PAIRS = 4
@@ -215,7 +216,7 @@ FARTHEST = 1e9
 _EXAMPLE = '{"pairs": [{"pixel": [x, y], "point": [X, Y, Z]}, ...]}'
 
 
-def read_pairs(path: StrPath) -> tuple[Floats, Floats]:
+def read_pairs(path: AnyPath) -> tuple[Floats, Floats]:
     """Read a JSON file ``{"pairs": [{"pixel": [x, y], "point": [X, Y, Z]}, ...]}``.
 
     Returns

@@ -4,8 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mpsnet_core.arrays.rotations import cross_matrix, quaternion_matrix, rotation_matrices
-from mpsnet_core.arrays.types import Bools, Doubles, Indices, Singles
+from mpsnet_core.arrays.types import F32, F64, Bools, Indices
+from mpsnet_core.arrays.unit_vectors import cross_matrix, quaternion_matrix, rotation_matrices
 from mpsnet_core.scene.camera import Camera
 from mpsnet_core.scene.mesh import Mesh, triangle_normals
 from mpsnet_core.scene.rays import RayScene
@@ -18,13 +18,13 @@ PARAMETERS = 7
 class Poses:
     """K pinhole cameras with square pixels and the same principal point."""
 
-    rotation: Doubles
+    rotation: F64
     """(K, 3, 3). Rotations from world to camera space: x right, y up, z towards the viewer."""
-    translation: Doubles
+    translation: F64
     """(K, 3). Translations from world to camera space."""
-    focal: Doubles
+    focal: F64
     """(K,). Focal lengths in pixels."""
-    centre: Doubles
+    centre: F64
     """(2,). Principal point, in pixels from the top left corner."""
 
     @classmethod
@@ -44,7 +44,7 @@ class Poses:
         pose[:3, 3] = -pose[:3, :3] @ self.translation[which]
         return Camera("perspective", width, height, np.full(2, self.focal[which]), self.centre, pose)
 
-    def moved(self, step: Doubles) -> "Poses":
+    def moved(self, step: F64) -> "Poses":
         """The poses after steps (K, 7) of the parameters."""
         turn = rotation_matrices(step[:, :3])
         return Poses(
@@ -54,21 +54,21 @@ class Poses:
             self.centre,
         )
 
-    def in_camera(self, points: Doubles) -> Doubles:
+    def in_camera(self, points: F64) -> F64:
         """(K, N, 3) world points (N, 3) in camera space."""
         return points @ self.rotation.transpose(0, 2, 1) + self.translation[:, None]
 
-    def projected(self, seen: Doubles) -> Doubles:
+    def projected(self, seen: F64) -> F64:
         """(K, N, 2) pixels of points (K, N, 3) in camera space."""
         return self.centre + self.focal[:, None, None] * seen[..., :2] * (1, -1) / depth(seen)[..., None]
 
 
-def depth(seen: Doubles) -> Doubles:
+def depth(seen: F64) -> F64:
     """Depth of points (..., 3) in camera space in front of the camera, clamped to a small positive value."""
     return np.maximum(-seen[..., 2], 1e-9)
 
 
-def flow(seen: Doubles, focal: Doubles) -> Doubles:
+def flow(seen: F64, focal: F64) -> F64:
     """(..., 2, 7) derivatives of the pixels of points (..., 3) in camera space by the parameters. focal: (...)."""
     x, y, z = seen[..., 0], seen[..., 1], depth(seen)
     by_point = np.zeros((*seen.shape[:-1], 2, 3))
@@ -83,7 +83,7 @@ def flow(seen: Doubles, focal: Doubles) -> Doubles:
     return result
 
 
-def spread_rotations(count: int) -> Doubles:
+def spread_rotations(count: int) -> F64:
     """(count, 3, 3) rotations that cover SO(3) evenly (Alexa, "Super-Fibonacci Spirals", CVPR 2022)."""
     number = np.arange(count) + 0.5
     share = number / count
@@ -102,9 +102,9 @@ class MeshFaces:
 
     scene: RayScene
     """The mesh for ray casting, in world space."""
-    normals: Doubles
+    normals: F64
     """(T, 3). Unit normals of the triangles in world space; zero for triangles without area."""
-    axes: Doubles
+    axes: F64
     """(3, 3). Principal axes of the surface as rows, unit vectors in world space."""
 
     @classmethod
@@ -117,7 +117,7 @@ class MeshFaces:
         _, axes = np.linalg.eigh((length * offset).T @ offset)
         return cls(RayScene.of(mesh), across / np.where(length > 0, length, 1), axes.T)
 
-    def seen(self, camera: Camera, x: Doubles, y: Doubles) -> "SeenFaces":
+    def seen(self, camera: Camera, x: F64, y: F64) -> "SeenFaces":
         """What a camera sees at the pixels of columns x (w,) and rows y (h,)."""
         pixels = np.stack(np.broadcast_arrays(x, y[:, None]), axis=-1).reshape(-1, 2)
         origins, directions = camera.rays(pixels)
@@ -138,7 +138,7 @@ class SeenFaces:
 
     mask: Bools
     """(h, w). Whether a pixel shows the mesh."""
-    normals: Singles
+    normals: F32
     """(h, w, 3). Unit normals in camera space, facing the camera; zero outside the mask."""
-    points: Doubles
+    points: F64
     """(h, w, 3). Positions in camera space, in units of the mesh's size; zero outside the mask."""

@@ -4,12 +4,11 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from mpsnet_core.arrays.block_means import block_means
-from mpsnet_core.arrays.gaussian import gaussian
 from mpsnet_core.arrays.mask_regions import bounding_box, eroded
-from mpsnet_core.arrays.robust_statistics import deviation
-from mpsnet_core.arrays.rotations import cross_matrix
+from mpsnet_core.arrays.resampling import block_means, gaussian
+from mpsnet_core.arrays.statistics import deviation
 from mpsnet_core.arrays.types import Bools, Floats, Indices
+from mpsnet_core.arrays.unit_vectors import cross_matrix
 from mpsnet_core.estimate.alignment.pose import PARAMETERS, MeshFaces, Poses, SeenFaces, flow
 from mpsnet_core.progress import Progress, silent
 from mpsnet_core.scene.camera import Camera

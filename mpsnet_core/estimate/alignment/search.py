@@ -4,7 +4,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from mpsnet_core.arrays.types import Bools, Floats, Singles
+from mpsnet_core.arrays.types import F32, Bools, Floats
 from mpsnet_core.estimate.alignment.pose import MeshFaces, Poses
 from mpsnet_core.estimate.alignment.refine import SCALES, Fit, PhotoPyramid, measure_fit, refine_camera
 from mpsnet_core.progress import Progress, part, silent
@@ -215,7 +215,7 @@ def _view_directions(count: int) -> Floats:
     return np.stack([right, np.cross(axis, right), axis], axis=1)
 
 
-def _picture(faces: MeshFaces, rotation: Floats, focal: float, distance: float) -> tuple[Singles, Bools]:
+def _picture(faces: MeshFaces, rotation: Floats, focal: float, distance: float) -> tuple[F32, Bools]:
     """Normals and mask of the mesh in a centred image of 2 SIDE x 2 SIDE pixels."""
     translation = np.array([0, 0, -distance]) - rotation @ faces.scene.middle
     side = 2 * SIDE
@@ -225,7 +225,7 @@ def _picture(faces: MeshFaces, rotation: Floats, focal: float, distance: float) 
     return seen.normals.astype(np.float32), seen.mask
 
 
-def _standardised_picture(normals: Singles, mask: Bools, frame: _ObjectExtent, roll: float) -> Floats:
+def _standardised_picture(normals: F32, mask: Bools, frame: _ObjectExtent, roll: float) -> Floats:
     """(SIDE, SIDE, 4) normals and mask, normalised in size and position, and rolled by `roll`."""
     steps = (np.arange(SIDE) + 0.5) / SIDE * 2 - 1
     place = np.stack(np.broadcast_arrays(steps, steps[:, None]), axis=-1) * (SPREAD / 2 * frame.spread)

@@ -10,11 +10,10 @@ from typing import NamedTuple
 import numpy as np
 from onnxruntime import InferenceSession
 
-from mpsnet_core.arrays.bilinear import bilinear
-from mpsnet_core.arrays.block_means import block_means
 from mpsnet_core.arrays.mask_regions import bounding_box
 from mpsnet_core.arrays.orientation import WHOLE, outline_of
-from mpsnet_core.arrays.types import Bools, Doubles, Floats, Singles
+from mpsnet_core.arrays.resampling import bilinear, block_means
+from mpsnet_core.arrays.types import F32, F64, Bools, Floats
 from mpsnet_core.arrays.unit_vectors import dot, normalised
 from mpsnet_core.capture.capture import finite_inside
 from mpsnet_core.capture.decode import PhotoReadOptions
@@ -38,7 +37,7 @@ MIRRORED = np.tile([1.0, -1.0], 6)
 ANGLES = np.repeat(np.arange(6) * np.pi / 3, 2)
 
 
-def crops(pixels: Floats, mask: Bools) -> Singles:
+def crops(pixels: Floats, mask: Bools) -> F32:
     """(V, SIDE, SIDE, 4) the object in each view: linear channels divided by their means, and the mask, 0 to 1.
 
     pixels: (H, W, 3). mask: (H, W), not empty.
@@ -73,7 +72,7 @@ def out_of_views(vectors: Floats) -> Floats:
     return np.stack([MIRRORED[:, None] * (cosine * x + sine * y), cosine * y - sine * x, z], axis=-1)
 
 
-def _reduced(pixels: Floats, mask: Bools) -> Singles:
+def _reduced(pixels: Floats, mask: Bools) -> F32:
     """(h, w, 4) the object's bounding box in blocks: channels divided by their means, and whether it covers a block."""
     box = bounding_box(mask)
     inside = mask[box][..., None]
@@ -98,9 +97,9 @@ ERROR_SCALE = 2.25
 class LightsGuess(NamedTuple):
     """Lights as far as a photo tells."""
 
-    directions: Doubles
+    directions: F64
     """(3, 3) unit vectors in camera space, one light per row, in the order of the photo's channels."""
-    errors: Doubles
+    errors: F64
     """(3,) expected angular errors in radians."""
 
 
@@ -166,15 +165,15 @@ def refine(photos: Sequence[tuple[Floats, Bools]], guess: LightsGuess) -> Lights
 class _Observed(NamedTuple):
     """What a photo shows, in blocks that all lights reach."""
 
-    lit: Doubles
+    lit: F64
     """(P, 3) colours."""
-    across: Doubles
+    across: F64
     """(Q, 3) cross products of colours, where the neighbours are lit, too, with their derivatives to the right."""
-    up: Doubles
+    up: F64
     """(Q, 3) those with their derivatives upwards."""
-    rim: Doubles
+    rim: F64
     """(R, 3) colours at the outline."""
-    outwards: Doubles
+    outwards: F64
     """(R, 2) unit vectors across the outline."""
 
 
@@ -212,11 +211,11 @@ class _Fit:
         self.damping = 1e-3
         self.matrix = np.eye(len(self.values))
 
-    def directions(self, angles: Doubles) -> Doubles:
+    def directions(self, angles: F64) -> F64:
         """(3, 3) unit vectors by six angles."""
         return normalised(self.guess.directions + np.einsum("ka,kai->ki", angles.reshape(3, 2), self.tangents))
 
-    def measures(self, number: int, values: Doubles) -> list[Doubles]:
+    def measures(self, number: int, values: F64) -> list[F64]:
         """Curl, deviation of the albedo, of the outline and of facing the camera, of a photo by its own (8,) values."""
         seen, strengths = self.seen[number], np.exp([values[6], values[7], -values[6] - values[7]])
         inverse = np.linalg.inv(self.directions(values[:6]) * strengths[:, None])
@@ -241,12 +240,12 @@ class _Fit:
             spread = [1.4826 * np.median(np.abs(one)) if len(one) else 0 for one in measures]
             self.widths[number] = np.append(np.maximum(spread, least), LEAST_FACING)
 
-    def own(self, number: int, values: Doubles | None = None) -> Doubles:
+    def own(self, number: int, values: F64 | None = None) -> F64:
         """(8,) the values of one photo."""
         values = self.values if values is None else values
         return np.concatenate([values[:6], values[6 + 2 * number : 8 + 2 * number]])
 
-    def residuals(self, number: int, values: Doubles) -> Doubles:
+    def residuals(self, number: int, values: F64) -> F64:
         """Of a photo: the sum of their squares is the negative logarithm of the probability, doubled."""
         found, counts = [], (CURL, ALBEDO, OUTLINE, OUTLINE)
         for one, width, count in zip(self.measures(number, values), self.widths[number], counts, strict=True):
@@ -254,11 +253,11 @@ class _Fit:
             found.append(np.sign(one) * np.sqrt(weight * np.log1p((one / width) ** 2)))
         return np.concatenate([*found, np.array([*values[6:], values[6:].sum()]) / STRENGTHS])
 
-    def prior(self, values: Doubles) -> Doubles:
+    def prior(self, values: F64) -> F64:
         """(6,) deviations of the angles from the guess."""
         return (values[:6].reshape(3, 2) / self.guess.errors[:, None]).ravel()
 
-    def cost(self, values: Doubles) -> float:
+    def cost(self, values: F64) -> float:
         photos = sum(float(np.sum(self.residuals(k, self.own(k, values)) ** 2)) for k in range(len(self.seen)))
         return float(np.sum(self.prior(values) ** 2)) + photos
 
@@ -330,7 +329,7 @@ class FoundLights:
 
     rig: LightRig
     """The lights, in camera space. Crosstalk is part of their directions, so there is no mixing."""
-    errors: Doubles
+    errors: F64
     """(3,) expected angular errors in degrees."""
 
     def __str__(self) -> str:

@@ -14,7 +14,7 @@ from typing import TypeVar
 import numpy as np
 
 from mpsnet_core.arrays.mask_regions import box_sums
-from mpsnet_core.arrays.types import Bools, Floats, Singles
+from mpsnet_core.arrays.types import F32, Bools, Floats
 from mpsnet_core.capture.capture import Capture
 from mpsnet_core.defaults import MAX_SMOOTHING
 from mpsnet_core.errors import Batch, GeometryError, InputError, NoObject, SettingsError
@@ -79,7 +79,7 @@ def smoothed(frames: Iterable[EstimatedFrame], reach: int, step: int = 1) -> Ite
     span = reach * step
     recent: deque[EstimatedFrame] = deque()
     waiting: deque[EstimatedFrame] = deque()
-    similarities: dict[tuple[int, int], Singles] = {}
+    similarities: dict[tuple[int, int], F32] = {}
     for frame in frames:
         while waiting and waiting[0].number + span < frame.number:
             yield from _answer(waiting.popleft(), recent, similarities, span)
@@ -98,7 +98,7 @@ def smoothed(frames: Iterable[EstimatedFrame], reach: int, step: int = 1) -> Ite
 
 
 def _answer(
-    frame: EstimatedFrame, recent: Iterable[EstimatedFrame], similarities: dict[tuple[int, int], Singles], span: int
+    frame: EstimatedFrame, recent: Iterable[EstimatedFrame], similarities: dict[tuple[int, int], F32], span: int
 ) -> Iterator[tuple[int, NormalMap]]:
     if not frame.wanted:
         return
@@ -115,7 +115,7 @@ def _answer(
     yield frame.number, NormalMap(total, frame.normals.mask, frame.normals.confidence)
 
 
-def _similarity(a: EstimatedFrame, b: EstimatedFrame) -> Singles:
+def _similarity(a: EstimatedFrame, b: EstimatedFrame) -> F32:
     """(H, W) weights, 0 to 1, of how certainly two photos are equal around a pixel, up to noise; 0 outside a mask."""
     if a.photo.shape != b.photo.shape:
         sizes = " and ".join(f"{frame.photo.shape[1]} x {frame.photo.shape[0]}" for frame in (a, b))
@@ -131,7 +131,7 @@ def _similarity(a: EstimatedFrame, b: EstimatedFrame) -> Singles:
     return np.where(both, np.exp(-np.maximum(mean_square - SURE, 0)), 0).astype(np.float32)
 
 
-def _noise(difference: Singles, brightness: Singles, inside: Bools) -> Singles:
+def _noise(difference: F32, brightness: F32, inside: Bools) -> F32:
     """(H, W) standard deviation of the noise in a difference of photos, as a function of brightness.
 
     Immerkær's kernel removes constants and gradients from the difference. The remainder is noise, except along moving

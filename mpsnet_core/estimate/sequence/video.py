@@ -18,18 +18,17 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mpsnet_core.arrays.types import StrPath
 from mpsnet_core.capture.open import Source
 from mpsnet_core.defaults import ENCODINGS
 from mpsnet_core.errors import FileError, FormatError, InputError, check_choice
 from mpsnet_core.estimate.sequence.source import Frame, Masks
 from mpsnet_core.io.child_process import ChildEnded, ChildProcess, child_environment
-from mpsnet_core.io.colour_profile import UNKNOWN_TRANSFER, transfer_is_linear
 from mpsnet_core.io.files import VIDEO_DECODER, checked_bits, existing_file, file_suffix
 from mpsnet_core.io.frames import RESULT, results_folder
 from mpsnet_core.io.image import MAX_PIXELS, Image, srgb_to_linear
-from mpsnet_core.io.image_encoding import Encoding
+from mpsnet_core.io.image_encoding import UNKNOWN_TRANSFER, Encoding, transfer_is_linear
 from mpsnet_core.io.image_reading import read_image
+from mpsnet_core.io.opening import AnyPath
 from mpsnet_core.io.provenance import fingerprint
 
 if TYPE_CHECKING:
@@ -120,7 +119,7 @@ class Video:
     """The program that decodes it; None for PyAV."""
 
 
-def read_video_header(path: StrPath, *, encoding: Encoding = "auto") -> Video:
+def read_video_header(path: AnyPath, *, encoding: Encoding = "auto") -> Video:
     """Read a video's header, and report the transfer curve that is assumed for its values.
 
     Raises FileError if the file is missing or PyAV is not installed, FormatError if the file is damaged or too large,
@@ -153,7 +152,7 @@ def read_video_header(path: StrPath, *, encoding: Encoding = "auto") -> Video:
         return Video(path, codec.width, codec.height, rate, stream.frames or round(seconds * rate))
 
 
-def video_outputs(video: Path, folder: StrPath, kind: str | None) -> Callable[[int], Path]:
+def video_outputs(video: Path, folder: AnyPath, kind: str | None) -> Callable[[int], Path]:
     """Files for the normals of a video's frames, by number from 1: NAME_000001_normals in `folder`.
 
     kind: file type such as "png", the default. Raises InputError if `folder` is unusable.

@@ -21,13 +21,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mpsnet_core.arrays.block_means import means_inside
 from mpsnet_core.arrays.mask_regions import bounding_box, box_sums
+from mpsnet_core.arrays.resampling import means_inside, sampled_rows, upsampled
 from mpsnet_core.arrays.row_bands import bands, on_all_cores
-from mpsnet_core.arrays.sampling import sampled_rows
-from mpsnet_core.arrays.types import Bools, Doubles, Floats
+from mpsnet_core.arrays.types import F64, Bools, Floats
 from mpsnet_core.arrays.unit_vectors import dot, normalised
-from mpsnet_core.arrays.upsample import upsampled
 from mpsnet_core.capture.capture import Capture
 from mpsnet_core.estimate.distant_lights import lights_in, pseudo_normals, pseudo_normals_by_light
 from mpsnet_core.progress import Progress, part, silent
@@ -66,7 +64,7 @@ MIN_SHARE = 0.1
 class UniformAlbedo:
     """The colour of a uniform surface."""
 
-    gains: Doubles
+    gains: F64
     """(3,) float64. Gains times unmixed light is each light's cosine on the surface."""
     spread: float
     """Relative standard deviation of the lengths of inliers."""
@@ -83,9 +81,7 @@ class UniformAlbedo:
         return narrow and self.share > MIN_SHARE and self.determined > DETERMINED
 
 
-def find_uniform_albedo(
-    light: Floats, lights: Doubles, normals: Floats, expected_error: Floats
-) -> UniformAlbedo | None:
+def find_uniform_albedo(light: Floats, lights: F64, normals: Floats, expected_error: Floats) -> UniformAlbedo | None:
     """The colour of a matt surface of one albedo, or None if the pixels do not prove that it is one.
 
     Parameters
@@ -136,9 +132,7 @@ def find_uniform_albedo(
     return result if proven else None
 
 
-def _weighed(
-    parts: Floats, gains: Doubles, normals: Floats, nearby: Floats, spread: float
-) -> tuple[Doubles, Doubles, Doubles]:
+def _weighed(parts: Floats, gains: F64, normals: Floats, nearby: Floats, spread: float) -> tuple[F64, F64, F64]:
     """Length (N,) and direction (N, 3) of equation 2's vectors, and the pixels' weights (N,)."""
     vectors = np.einsum("k,nki->ni", gains, parts)
     length = np.linalg.norm(vectors, axis=-1)
@@ -147,7 +141,7 @@ def _weighed(
     return length, vectors, np.exp(-0.5 * (((length - 1) / spread) ** 2 + off**2))
 
 
-def _peak(length: Doubles, within: float) -> tuple[float, float]:
+def _peak(length: F64, within: float) -> tuple[float, float]:
     """Mode of the lengths near one, and their standard deviation if they were normally distributed.
 
     Uses the shortest interval that holds half of them: interreflections only add to lengths, and would bias a mean.
@@ -161,11 +155,11 @@ def _peak(length: Doubles, within: float) -> tuple[float, float]:
     return float(close[first] + close[first + half]) / 2, float(widths[first]) / (2 * 0.6745)
 
 
-def _density(length: Doubles, low: float, high: float) -> float:
+def _density(length: F64, low: float, high: float) -> float:
     return float(((length > low) & (length < high)).mean() / (high - low))
 
 
-def _directions(vectors: Doubles, weights: Doubles) -> float:
+def _directions(vectors: F64, weights: F64) -> float:
     """Effective number of directions: the perplexity of their histogram over x and y."""
     sure = weights > 0.3
     cells = np.floor(vectors[sure, :2] / DIRECTION_STEP).astype(np.int64)
@@ -258,7 +252,7 @@ class _Pixels(NamedTuple):
 
     light: Floats
     """(..., 3). Unmixed image."""
-    lights: Doubles
+    lights: F64
     """(..., 3, 3), or (3, 3) for all. Light directions times brightness, one light per row."""
     normals: Floats
     """(..., 3). The network's normals."""
@@ -426,7 +420,7 @@ def _combined(pixels: _Pixels, place: Bools, albedo: UniformAlbedo, around: int)
     return normalised(total), expected
 
 
-def _means_around(probability: Floats, place: Bools, around: int, area: Doubles) -> Floats:
+def _means_around(probability: Floats, place: Bools, around: int, area: F64) -> Floats:
     means = np.empty_like(probability)
     picture = np.zeros(place.shape, np.float32)
     for number in range(probability.shape[1]):

@@ -6,7 +6,7 @@ from functools import partial
 
 import numpy as np
 
-from mpsnet_core.arrays.types import Bools, Singles
+from mpsnet_core.arrays.types import F32, Bools
 from mpsnet_core.arrays.unit_vectors import angular_error
 from mpsnet_core.learning.evaluation.evaluation import Evaluation, table_of_measures
 from mpsnet_core.learning.evaluation.measure import Case, Result, Row, white_choices
@@ -50,7 +50,7 @@ class ColourChanges(Evaluation):
     title = "A blob, many colours"
 
     def __init__(self, options: EvaluateColour) -> None:
-        self._white: dict[tuple[str, str, int, str], Singles] = {}
+        self._white: dict[tuple[str, str, int, str], F32] = {}
         self.cases = [
             partial(painted_blob, name, protocol, options.size, white=beside, blob=blob)
             for blob in range(options.blobs)
@@ -101,7 +101,7 @@ def painted_blob(name: str, protocol: str, size: int, *, white: bool, blob: int 
     return Case(labels, photo, sample.normals, {"near_edges": near, "far_from_edges": ~near})
 
 
-def surface_colours(recipe: SceneDescription, shape: Shape) -> Singles:
+def surface_colours(recipe: SceneDescription, shape: Shape) -> F32:
     """(H, W, 3) base colour of the surface at each pixel's centre, from the recipe; NaN outside the object.
 
     recipe: with principled materials, without paint or dirt.
@@ -113,7 +113,7 @@ def surface_colours(recipe: SceneDescription, shape: Shape) -> Singles:
     return colours.reshape(recipe.camera.height, recipe.camera.width, 3)
 
 
-def near_colour_edges(colours: Singles) -> Bools:
+def near_colour_edges(colours: F32) -> Bools:
     """(H, W) whether a pixel is within :data:`NEAR` pixels of a colour edge. NaN makes no edge."""
     height, width = colours.shape[:2]
     edge = np.zeros((height, width), bool)

@@ -9,13 +9,14 @@ from typing import Any
 import numpy as np
 
 from mpsnet_core.arrays.sizes import check_same_size
-from mpsnet_core.arrays.types import Doubles, Singles, StrPath
+from mpsnet_core.arrays.types import F32, F64
 from mpsnet_core.arrays.unit_vectors import normalised
 from mpsnet_core.capture.capture import Capture
 from mpsnet_core.errors import FileError, FormatError, GeometryError, InputError, SettingsError
 from mpsnet_core.estimate.estimator import usable_channels
 from mpsnet_core.io.files import existing_file
 from mpsnet_core.io.image_reading import read_data, read_mask
+from mpsnet_core.io.opening import AnyPath
 from mpsnet_core.learning.evaluation.evaluation import Evaluation, table_of_errors
 from mpsnet_core.learning.evaluation.matfile import read_mat_array
 from mpsnet_core.learning.evaluation.measure import Case, Row, white_choices
@@ -31,12 +32,12 @@ from mpsnet_core.scene.rig import LightRig
 from mpsnet_core.synthesis.reflectance.lambertian_error import PUBLISHED_MIXING
 
 # Weights of a white photograph's R, G, B in one channel of the capture: c_i = Σ_j P_ij I_k(i),j.
-PROTOCOLS: dict[str, Doubles] = {"separated": np.eye(3), "published": PUBLISHED_MIXING, "white": np.full((3, 3), 1 / 3)}
+PROTOCOLS: dict[str, F64] = {"separated": np.eye(3), "published": PUBLISHED_MIXING, "white": np.full((3, 3), 1 / 3)}
 DAMAGED_PHOTOGRAPHS = 20  # of the bear, by the data set's authors
 BRIGHT_FACING = "bright_facing_mae_deg"
 
 
-def object_folder(root: StrPath, name: str) -> Path | None:
+def object_folder(root: AnyPath, name: str) -> Path | None:
     """The folder of one object in DiLiGenT's ``pmsData``, or None if it is absent."""
     for folder in (Path(root) / f"{name}PNG", Path(root) / "pmsData" / f"{name}PNG"):
         if folder.is_dir():
@@ -44,7 +45,7 @@ def object_folder(root: StrPath, name: str) -> Path | None:
     return None
 
 
-def read_diligent(folder: StrPath, lights: Lights, protocol: str, *, white: bool = False) -> Capture:
+def read_diligent(folder: AnyPath, lights: Lights, protocol: str, *, white: bool = False) -> Capture:
     """Multiplex a capture from three of an object's white photographs.
 
     lights: numbers of the lights for the red, green and blue channel, from 1. Each photograph is divided by its light's
@@ -76,7 +77,7 @@ def read_diligent(folder: StrPath, lights: Lights, protocol: str, *, white: bool
     return Capture(np.stack(mixed, axis=-1).astype(np.float32), read_mask(folder / "mask.png"), rig, white=beside)
 
 
-def read_truth(folder: StrPath) -> Singles:
+def read_truth(folder: AnyPath) -> F32:
     """(H, W, 3) true normals in camera space. Raises InputError if they are missing."""
     truth = read_mat_array(Path(folder) / "Normal_gt.mat", "Normal_gt")
     if truth.ndim != 3 or truth.shape[2] != 3:
@@ -195,7 +196,7 @@ def _text(path: Path) -> str:
     return existing_file(path, "DiLiGenT's list").read_text(encoding="utf-8", errors="backslashreplace")
 
 
-def _numbers(path: Path) -> Doubles:
+def _numbers(path: Path) -> F64:
     lines = _text(path).splitlines()
     try:
         values = np.array([[float(number) for number in line.split()] for line in lines if line.strip()])

@@ -6,11 +6,11 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from mpsnet_core.arrays.types import Doubles, StrPath
+from mpsnet_core.arrays.types import F64
 from mpsnet_core.errors import FormatError
 from mpsnet_core.io.files import existing_file
 from mpsnet_core.io.npz import unpacked_limit
-from mpsnet_core.io.opening import DAMAGED
+from mpsnet_core.io.opening import DAMAGED, AnyPath
 
 # "MAT-File Format", MathWorks, tables 1-1 and 1-3.
 _TYPES = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 9: "f8", 12: "i8", 13: "u8"}
@@ -18,7 +18,7 @@ _MATRIX, _COMPRESSED, _FIRST_NUMERIC_CLASS = 14, 15, 6
 MAX_BYTES = 1 << 30
 
 
-def read_mat_array(path: StrPath, name: str) -> Doubles:
+def read_mat_array(path: AnyPath, name: str) -> F64:
     """The real, dense numeric array called `name`, as float64.
 
     Raises FileError if the file is missing, FormatError if it is damaged or has no such array.
@@ -64,7 +64,7 @@ def _elements(data: bytes) -> Iterator[tuple[int, bytes]]:
         offset = end
 
 
-def _matrix(body: bytes, name: str) -> Doubles | None:
+def _matrix(body: bytes, name: str) -> F64 | None:
     parts = _elements(body)
     (_, flags), (_, shape), (_, title) = next(parts), next(parts), next(parts)
     if title.decode("latin-1") != name or flags[0] < _FIRST_NUMERIC_CLASS:

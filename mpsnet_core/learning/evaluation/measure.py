@@ -6,8 +6,8 @@ from typing import Any, SupportsFloat
 
 import numpy as np
 
-from mpsnet_core.arrays.rank_correlation import rank_correlation
-from mpsnet_core.arrays.types import Bools, Doubles, Floats, Singles
+from mpsnet_core.arrays.statistics import rank_correlation
+from mpsnet_core.arrays.types import F32, F64, Bools, Floats
 from mpsnet_core.arrays.unit_vectors import angular_error
 from mpsnet_core.capture.capture import Capture
 from mpsnet_core.errors import GeometryError
@@ -24,7 +24,7 @@ GROUPS = 10
 PIXELS_A_PHOTO = 4096
 
 
-def error_by_confidence(confidence: Floats, error: Floats) -> Doubles:
+def error_by_confidence(confidence: Floats, error: Floats) -> F64:
     """(10,) mean errors of the deciles of confidence, the highest confidence first.
 
     Pixels of equal confidence have no order: each counts with their mean error.
@@ -64,10 +64,10 @@ class ConfidencePool:
     """Confidence and error of pixels from many photos, the same number from each, evenly spaced."""
 
     def __init__(self) -> None:
-        self._pixels: dict[str, list[Singles]] = {}
+        self._pixels: dict[str, list[F32]] = {}
         self._predicting: set[str] = set()
 
-    def add(self, model: str, confidence: Singles, error: Singles, *, predicts_error: bool = True) -> None:
+    def add(self, model: str, confidence: F32, error: F32, *, predicts_error: bool = True) -> None:
         """Add the scored pixels (N,) of a photo. predicts_error: False for the baselines, see Calibration."""
         if predicts_error:
             self._predicting.add(model)
@@ -109,7 +109,7 @@ class Case:
     """Labels of its rows."""
     capture: Capture
     """The photo, H x W pixels, with its mask and lights."""
-    truth: Singles
+    truth: F32
     """(H, W, 3) float32. True unit normals in camera space, zero where unknown, which may be inside the mask."""
     regions: Mapping[str, Bools] = field(default_factory=dict)
     """(H, W) bool by name. Parts of the image whose mean errors are also reported."""
@@ -181,7 +181,7 @@ class Result:
     """The model."""
     estimate: NormalMap
     """The normals that it estimated."""
-    error: Singles
+    error: F32
     """(H, W) float32. Angular error in degrees, zero at pixels that are not scored."""
 
     @property

@@ -11,9 +11,10 @@ from typing import NamedTuple, TextIO
 
 import numpy as np
 
-from mpsnet_core.arrays.types import Singles, StrPath
+from mpsnet_core.arrays.types import F32
 from mpsnet_core.io.files import atomic_write
 from mpsnet_core.io.html_page import HEAD, data_url, page_path
+from mpsnet_core.io.opening import AnyPath
 from mpsnet_core.learning.evaluation.measure import Result
 from mpsnet_core.scene.normal_map import NormalMap
 from mpsnet_core.scene.pictures import BACKGROUND, colour_scale, contact_sheet, cropped, error_picture, photo_picture
@@ -133,7 +134,7 @@ class Report:
 
 
 @contextmanager
-def open_report(path: StrPath) -> Iterator[Report]:
+def open_report(path: AnyPath) -> Iterator[Report]:
     """A report to add cases to. :meth:`Report.write` writes it to `path` atomically.
 
     Raises InputError if no report can be written there.
@@ -143,7 +144,7 @@ def open_report(path: StrPath) -> Iterator[Report]:
         yield Report(path, figures)
 
 
-def case_picture(results: Sequence[Result]) -> Singles:
+def case_picture(results: Sequence[Result]) -> F32:
     """(H, W, 3) display values: photo and each model's normals; below, true normals, errors and the colour scale."""
     case = results[0].case
     pictures = [
@@ -162,7 +163,7 @@ def case_picture(results: Sequence[Result]) -> Singles:
     return contact_sheet(titled, count + 2, TILE_HEIGHT)
 
 
-def _at_least_square(picture: Singles) -> Singles:
+def _at_least_square(picture: F32) -> F32:
     """The image padded at its sides, to make room for its title."""
     missing = max(picture.shape[0] - picture.shape[1], 0)
     return np.pad(picture, [(0, 0), (missing // 2, missing - missing // 2), (0, 0)], constant_values=BACKGROUND)

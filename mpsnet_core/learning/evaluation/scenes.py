@@ -12,9 +12,10 @@ from typing import Any
 
 import numpy as np
 
-from mpsnet_core.arrays.types import Doubles, Singles, StrPath
+from mpsnet_core.arrays.types import F32, F64
 from mpsnet_core.capture.capture import Capture
 from mpsnet_core.errors import FileError, GeometryError
+from mpsnet_core.io.opening import AnyPath
 from mpsnet_core.learning.evaluation.diligent import PROTOCOLS
 from mpsnet_core.scene.camera import Camera
 from mpsnet_core.scene.rig import LightRig, published_rig
@@ -49,7 +50,7 @@ def published_view(
     shape: dict[str, Any],
     materials: tuple[Material, ...],
     size: int,
-    rotation: Doubles | None = None,
+    rotation: F64 | None = None,
     *,
     pattern: Pattern = NO_PATTERN,
     bounces: int = 0,
@@ -80,7 +81,7 @@ def ideal_photograph(sample: Sample, protocol: str, *, white: bool = False) -> C
     """
     weights = PROTOCOLS[protocol].astype(np.float32)
 
-    def channel(number: int, light: Singles) -> Singles:
+    def channel(number: int, light: F32) -> F32:
         # Not a matrix product, whose order of summation differs between machines.
         return np.asarray(sum(weights[number, j] * light[..., j] for j in range(3)))
 
@@ -125,7 +126,7 @@ class MeshView:
         return synthesise(recipe, load_mesh(str(self.file)), reflectances)
 
 
-def mesh_views(paths: Sequence[StrPath], views: int) -> list[MeshView]:
+def mesh_views(paths: Sequence[AnyPath], views: int) -> list[MeshView]:
     """`views` views of each mesh. paths: mesh files, or folders of them.
 
     Raises FileError if a file is missing or a folder has no meshes.

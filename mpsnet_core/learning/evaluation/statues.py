@@ -7,7 +7,7 @@ from functools import lru_cache, partial
 import numpy as np
 from numpy.typing import NDArray
 
-from mpsnet_core.arrays.types import Bools, Doubles, Singles
+from mpsnet_core.arrays.types import F32, F64, Bools
 from mpsnet_core.learning.evaluation.evaluation import Evaluation, table_of_measures
 from mpsnet_core.learning.evaluation.measure import Case, Result, Row
 from mpsnet_core.learning.evaluation.operations import EvaluateStatues
@@ -20,7 +20,7 @@ from mpsnet_core.synthesis.scene_description import Material
 MIN_INSIDE = 0.999
 
 
-def fine_relief(estimate: Singles, truth: Singles, mask: Bools, lit: Bools, sigma: float) -> float | None:
+def fine_relief(estimate: F32, truth: F32, mask: Bools, lit: Bools, sigma: float) -> float | None:
     """Regression coefficient of the estimate's detail on the true detail: 1 if all is kept, 0 if none is.
 
     estimate, truth: (H, W, 3) unit normals. mask, lit: (H, W) the object's pixels, and those that all lights reach.
@@ -34,9 +34,9 @@ def fine_relief(estimate: Singles, truth: Singles, mask: Bools, lit: Bools, sigm
     counted = lit & (_blurred(mask[..., None], sigma)[..., 0] > MIN_INSIDE)
     weight = np.maximum(_blurred(lit[..., None], sigma), 1e-6)
 
-    def detail(normals: Singles) -> Doubles:
+    def detail(normals: F32) -> F64:
         across = np.where(lit[..., None], normals[..., :2], 0)
-        high: Doubles = across - _blurred(across, sigma) / weight
+        high: F64 = across - _blurred(across, sigma) / weight
         return high[counted]
 
     found, true = detail(estimate), detail(truth)
@@ -44,7 +44,7 @@ def fine_relief(estimate: Singles, truth: Singles, mask: Bools, lit: Bools, sigm
     return float((found * true).sum()) / size if size > 1e-9 else None
 
 
-def _blurred(values: NDArray[np.generic], sigma: float) -> Doubles:
+def _blurred(values: NDArray[np.generic], sigma: float) -> F64:
     """Values (H, W, C) convolved with a Gaussian, zero-padded."""
     height, width, _ = values.shape
     size = [side + int(np.ceil(4 * sigma)) for side in (height, width)]

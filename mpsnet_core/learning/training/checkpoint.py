@@ -9,10 +9,9 @@ from typing import Any, NamedTuple, get_origin, get_type_hints
 import torch
 from torch import Tensor
 
-from mpsnet_core.arrays.types import StrPath
 from mpsnet_core.errors import FormatError, InputError
 from mpsnet_core.io.files import atomic_write, existing_file
-from mpsnet_core.io.opening import DAMAGED
+from mpsnet_core.io.opening import DAMAGED, AnyPath
 from mpsnet_core.learning.training.recipe import TrainingConfig, recipe_from_data
 
 FORMAT = "mpsnet-checkpoint"
@@ -49,7 +48,7 @@ _TYPES: dict[str, Any] = {name: get_origin(kind) or kind for name, kind in get_t
 _TYPES |= {"recipe": dict, "continues": dict | None}
 
 
-def write_checkpoint(path: StrPath, checkpoint: Checkpoint) -> None:
+def write_checkpoint(path: AnyPath, checkpoint: Checkpoint) -> None:
     """Write the file atomically."""
     data = {**checkpoint._asdict(), "format": FORMAT, "recipe": checkpoint.recipe.to_json()}
     content = BytesIO()
@@ -58,7 +57,7 @@ def write_checkpoint(path: StrPath, checkpoint: Checkpoint) -> None:
         unfinished.write_bytes(content.getbuffer())
 
 
-def read_checkpoint(path: StrPath) -> Checkpoint:
+def read_checkpoint(path: AnyPath) -> Checkpoint:
     """Read a checkpoint without executing code in it. Raises InputError if it is missing, damaged or another file."""
     path = existing_file(path, "checkpoint")
     if path.stat().st_size > MAX_BYTES:

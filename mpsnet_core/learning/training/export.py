@@ -14,11 +14,11 @@ import onnxruntime
 import torch
 from torch import Tensor, nn
 
-from mpsnet_core.arrays.types import StrPath
 from mpsnet_core.errors import InputError, SettingsError
 from mpsnet_core.estimate.card import CARD_KEY, TRAINING_KEY, ModelCard
 from mpsnet_core.estimate.features import CONSTANTS, FEATURE_CHANNELS
 from mpsnet_core.io.files import atomic_write, writable_path
+from mpsnet_core.io.opening import AnyPath
 from mpsnet_core.learning.training.loop import Trained
 from mpsnet_core.learning.training.networks import Network
 
@@ -30,7 +30,7 @@ TOLERANCE = 1e-4
 RIGHT_ANGLE = float(np.pi / 2)
 
 
-def export_onnx(trained: Trained, path: StrPath) -> None:
+def export_onnx(trained: Trained, path: AnyPath) -> None:
     """Write a network's ONNX file, with its card and training record.
 
     The file has opset 17, dynamic batch, height and width, and inferred shapes. Its outputs are "normals" and, if the

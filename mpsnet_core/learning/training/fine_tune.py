@@ -13,10 +13,10 @@ from onnx import numpy_helper
 from torch import Tensor, nn
 from torch.nn import functional
 
-from mpsnet_core.arrays.types import StrPath
 from mpsnet_core.errors import FormatError
 from mpsnet_core.estimate.card import TRAINING_KEY
 from mpsnet_core.io.files import existing_file
+from mpsnet_core.io.opening import AnyPath
 from mpsnet_core.learning.training.inputs import Batch
 from mpsnet_core.learning.training.networks import Network
 
@@ -46,7 +46,7 @@ class Exported:
         return int(self.record["steps"])
 
 
-def read_exported(path: StrPath) -> Exported:
+def read_exported(path: AnyPath) -> Exported:
     """Read an exported network. Raises InputError if it is missing, damaged, or not by :func:`export_onnx`."""
     path = existing_file(path, "model")
     refusal = f"model {path} is damaged or was not trained here; resume from another"

@@ -8,9 +8,9 @@ from dataclasses import MISSING, asdict, dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any
 
-from mpsnet_core.arrays.types import StrPath
 from mpsnet_core.errors import FormatError, InputError, SettingsError, check_choice
 from mpsnet_core.io.files import existing_file
+from mpsnet_core.io.opening import AnyPath
 from mpsnet_core.synthesis.capture_model import CaptureModel, limited, limits_of
 
 RECIPES = Path(__file__).parent / "recipes"
@@ -134,7 +134,7 @@ def recipe_names() -> list[str]:
     return sorted(file.stem for file in RECIPES.glob("*.toml"))
 
 
-def read_recipe(name: StrPath) -> TrainingConfig:
+def read_recipe(name: AnyPath) -> TrainingConfig:
     """A recipe by its name, or from a TOML file. Raises InputError where there is none or it is malformed."""
     name = os.fspath(name)
     path = RECIPES / f"{name}.toml" if name in recipe_names() else Path(name)

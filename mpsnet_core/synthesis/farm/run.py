@@ -12,11 +12,11 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from mpsnet_core.arrays.row_bands import usable_cores
-from mpsnet_core.arrays.types import StrPath
 from mpsnet_core.errors import InputError, SettingsError
 from mpsnet_core.io.claims import Claims
 from mpsnet_core.io.files import check_no_link, resolved, writable_path
 from mpsnet_core.io.image_writing import is_complete_image, write_picture
+from mpsnet_core.io.opening import AnyPath
 from mpsnet_core.io.provenance import is_up_to_date
 from mpsnet_core.progress import Progress, silent
 from mpsnet_core.synthesis.contact_sheet import sheet_line, sheet_of_samples
@@ -70,7 +70,7 @@ def blender_command(blender: str = "", addon: str = "") -> tuple[str, ...]:
 
 
 def make_samples(
-    folder: StrPath,
+    folder: AnyPath,
     job: SampleJob,
     command: Sequence[str] = SYNTHESIS_COMMAND,
     *,

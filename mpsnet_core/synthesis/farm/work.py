@@ -24,12 +24,12 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, Literal, get_args
 
-from mpsnet_core.arrays.types import StrPath
 from mpsnet_core.errors import FormatError, InputError
 from mpsnet_core.io.child_process import ChildEnded, ChildProcess, Parent, ParentGone, child_environment, requests
 from mpsnet_core.io.claims import Claims
 from mpsnet_core.io.files import check_no_link, remove_abandoned
 from mpsnet_core.io.image_writing import is_complete_image
+from mpsnet_core.io.opening import AnyPath
 from mpsnet_core.synthesis.job import SampleJob, read_job, sample_number, sample_path
 
 # Placeholder in a worker's command for the Python that starts it, whose path differs between machines.
@@ -104,7 +104,7 @@ def gathered(
 # --- from within ------------------------------------------------------------------------------------------------------
 
 
-def serve(folder: StrPath, make: Callable[[SampleJob, int, Path], None]) -> None:
+def serve(folder: AnyPath, make: Callable[[SampleJob, int, Path], None]) -> None:
     """Make samples of the job in `folder` on request, until the input ends or nobody reads the answers.
 
     Redirects stdout to stderr for all other code: the real stdout is for answers only.
@@ -150,7 +150,7 @@ def _made(job: SampleJob, number: int, path: Path, make: Callable[[SampleJob, in
     return SampleResult(number, "made")
 
 
-def clear_unfinished(folder: StrPath) -> None:
+def clear_unfinished(folder: AnyPath) -> None:
     """Remove the unfinished files of killed processes from `folder`, but none that another process is writing."""
     remove_abandoned(folder)
     # Files may be from another host. A process that writes a sample, on any host, holds its claim.
@@ -175,7 +175,7 @@ class Worker:
     sample.
     """
 
-    def __init__(self, command: Sequence[str], folder: StrPath, threads: int = 1, *, seconds: float) -> None:
+    def __init__(self, command: Sequence[str], folder: AnyPath, threads: int = 1, *, seconds: float) -> None:
         self._command = [sys.executable if part == THIS_PYTHON else part for part in command]
         self._folder, self._threads, self._seconds = Path(folder), threads, seconds
         self._child: ChildProcess | None = None

@@ -6,7 +6,7 @@ from typing import Literal, Protocol
 
 import numpy as np
 
-from mpsnet_core.arrays.types import Floats, Singles
+from mpsnet_core.arrays.types import F32, Floats
 from mpsnet_core.errors import FileError, FormatError, SettingsError
 from mpsnet_core.synthesis.reflectance.measured import MerlFit, MerlTable, read_fits, read_merl
 from mpsnet_core.synthesis.reflectance.principled import PrincipledBsdf
@@ -35,7 +35,7 @@ class Reflectance(Protocol):
         below the surface.
     """
 
-    def __call__(self, normals: Floats, lights: Floats, views: Floats, paint: Floats | None = None) -> Singles: ...
+    def __call__(self, normals: Floats, lights: Floats, views: Floats, paint: Floats | None = None) -> F32: ...
 
 
 def load_reflectance(material: Material, merl: str = "") -> Reflectance:

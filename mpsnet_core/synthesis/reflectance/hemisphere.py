@@ -5,7 +5,7 @@ from abc import ABC, abstractmethod
 import numpy as np
 
 from mpsnet_core.arrays.row_bands import bands
-from mpsnet_core.arrays.types import Floats, Singles
+from mpsnet_core.arrays.types import F32, Floats
 from mpsnet_core.arrays.unit_vectors import dot
 
 
@@ -37,7 +37,7 @@ BLOCK = 1 << 14
 class AboveSurface(ABC):
     """A ``Reflectance`` that is 0 unless light and viewer are above the surface."""
 
-    def __call__(self, normals: Floats, lights: Floats, views: Floats, paint: Floats | None = None) -> Singles:
+    def __call__(self, normals: Floats, lights: Floats, views: Floats, paint: Floats | None = None) -> F32:
         """(N, 3) reflectance where light and viewer are both above the surface, and 0 elsewhere.
 
         normals, lights, views, paint: (N, 3). Zero or NaN vectors count as below the surface.
@@ -55,5 +55,5 @@ class AboveSurface(ABC):
         return result
 
     @abstractmethod
-    def _evaluate(self, normals: Singles, lights: Singles, views: Singles, paint: Singles | None) -> Singles:
+    def _evaluate(self, normals: F32, lights: F32, views: F32, paint: F32 | None) -> F32:
         """(n, 3) reflectance of a block of points (n, 3), all above the surface."""

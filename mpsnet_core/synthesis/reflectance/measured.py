@@ -2,10 +2,11 @@
 
 import numpy as np
 
-from mpsnet_core.arrays.types import Bools, Floats, Indices, Singles, StrPath
+from mpsnet_core.arrays.types import F32, Bools, Floats, Indices
 from mpsnet_core.errors import FormatError, InputError
 from mpsnet_core.io.files import existing_file
 from mpsnet_core.io.npz import read_arrays
+from mpsnet_core.io.opening import AnyPath
 from mpsnet_core.synthesis.reflectance.hemisphere import AboveSurface, rusinkiewicz_angles
 
 # Weights and biases of three layers, (materials, inputs, outputs) and (materials, outputs).
@@ -29,7 +30,7 @@ class MerlFit(AboveSurface):
     Reciprocal by construction, like the table that it fits. Paint multiplies the reflectance.
     """
 
-    def __init__(self, *layers: Singles) -> None:
+    def __init__(self, *layers: F32) -> None:
         self._layers = layers
 
     def _evaluate(self, normals: Floats, lights: Floats, views: Floats, paint: Floats | None) -> Floats:
@@ -45,11 +46,11 @@ class MerlFit(AboveSurface):
         fc1, b1, fc2, b2, fc3, b3 = self._layers
         hidden = np.maximum(inputs @ fc1 + b1, 0)
         hidden = np.maximum(hidden @ fc2 + b2, 0)
-        result: Singles = np.maximum(np.expm1(np.minimum(hidden @ fc3 + b3, np.float32(_MAX_EXPONENT))), 0)
+        result: F32 = np.maximum(np.expm1(np.minimum(hidden @ fc3 + b3, np.float32(_MAX_EXPONENT))), 0)
         return result if paint is None else result * paint
 
 
-def read_fits(path: StrPath) -> dict[str, MerlFit]:
+def read_fits(path: AnyPath) -> dict[str, MerlFit]:
     """Read a file of fits to MERL: reflectance by material name, in the file's order.
 
     The file is an ``.npz`` with "names" (M,) and, for each material, "fc1" (M, 6, 21), "b1" (M, 21), "fc2" (M, 21, 21),
@@ -101,7 +102,7 @@ class MerlTable(AboveSurface):
     the other half light and viewer are swapped. Paint multiplies the reflectance.
     """
 
-    def __init__(self, values: Singles) -> None:
+    def __init__(self, values: F32) -> None:
         # The azimuth is periodic: pad one bin at either end, so neighbours are always one step apart.
         self._rows = np.concatenate([values[:, :, -1:], values, values[:, :, :1]], axis=2).reshape(-1, 3)
 
@@ -131,7 +132,7 @@ def _between(position: Floats, count: int) -> tuple[Indices, Floats]:
     return below, position - below
 
 
-def read_merl(path: StrPath) -> MerlTable:
+def read_merl(path: AnyPath) -> MerlTable:
     """Read a ``.binary`` file of the MERL database. It takes 17 MB of memory.
 
     Negative values mark directions that were not measured, most of them below the surface. They get the value of the
@@ -157,7 +158,7 @@ def read_merl(path: StrPath) -> MerlTable:
     return MerlTable(_filled(values, measured))
 
 
-def _filled(values: Singles, measured: Bools) -> Singles:
+def _filled(values: F32, measured: Bools) -> F32:
     # Fill along the difference angle. A half angle and azimuth without measurements takes the smaller half angle's.
     for axis in (1, 0):
         steps = np.arange(BINS[axis]).reshape([-1 if a == axis else 1 for a in range(3)])

@@ -14,7 +14,7 @@ from typing import TypeVar
 
 import numpy as np
 
-from mpsnet_core.arrays.types import Doubles, Floats, Singles
+from mpsnet_core.arrays.types import F32, F64, Floats
 from mpsnet_core.arrays.unit_vectors import dot
 from mpsnet_core.errors import SettingsError
 from mpsnet_core.synthesis.reflectance.hemisphere import AboveSurface
@@ -28,7 +28,7 @@ from mpsnet_core.synthesis.scene_description import Material
 # Physically Based Shading at Imageworks", SIGGRAPH course 2017.
 
 
-Share = TypeVar("Share", float, Singles)
+Share = TypeVar("Share", float, F32)
 
 # Below this alpha, a point light's highlight is narrower than the resolution of directions in float32.
 _MIN_ALPHA = 1e-4
@@ -41,7 +41,7 @@ _FRESNEL_NODES = 16
 _RAYS = 512
 
 
-def ggx(alpha: float, sine_squared: Singles, cos_light: Singles, cos_view: Singles) -> Singles:
+def ggx(alpha: float, sine_squared: F32, cos_light: F32, cos_view: F32) -> F32:
     """Reflectance (N,) in 1/sr of mirror facets, without Fresnel: D G / (4 cos cos). Reciprocal.
 
     sine_squared: (N,) of the angle between normal and half vector. Its cosine would be too close to 1 to resolve narrow
@@ -82,7 +82,7 @@ def fresnel_average(ior: float) -> float:
     return float(2 * (cosines * fresnel_dielectric(cosines, ior)).mean())
 
 
-def albedo(roughness: float, cosines: Doubles) -> tuple[Doubles, float]:
+def albedo(roughness: float, cosines: F64) -> tuple[F64, float]:
     """Directional albedo of mirror facets with single scattering.
 
     Returns the albedo at view cosines (K,), and its mean over all views.
@@ -101,13 +101,13 @@ def further_reflections(facets: Share, average: float) -> Share:
     return facets * average / (1 - facets * (1 - average))
 
 
-def fresnel_share(roughness: float, ior: float, cosines: Doubles) -> Doubles:
+def fresnel_share(roughness: float, ior: float, cosines: F64) -> F64:
     """(K,) mean Fresnel reflectance over the visible facets, rescaled from f0 to 1 onto 0 to 1."""
     table = _between(_between(_tables()[2], abs(reflectance_of_ior(ior)) ** 0.25), roughness)
     return np.interp(cosines, np.linspace(0, 1, _FRESNEL_NODES), table)
 
 
-def _between(table: Doubles, position: float) -> Doubles:
+def _between(table: F64, position: float) -> F64:
     # Interpolates the table at a position from 0 to 1 along its first axis.
     place = min(max(position, 0.0), 1.0) * (len(table) - 1)
     below = min(int(place), len(table) - 2)
@@ -115,7 +115,7 @@ def _between(table: Doubles, position: float) -> Doubles:
 
 
 @lru_cache(maxsize=1)
-def _tables() -> tuple[Doubles, Doubles, Doubles]:
+def _tables() -> tuple[F64, F64, F64]:
     # Albedos of mirror facets (roughness, view) and (roughness,); Fresnel shares (ior, roughness, view), where ior is
     # parametrised by the fourth root of f0.
     nodes = np.linspace(0, 1, _ALBEDO_NODES).clip(1e-4)
@@ -134,7 +134,7 @@ def _tables() -> tuple[Doubles, Doubles, Doubles]:
     return single, average, share
 
 
-def _reflected(roughness: Doubles, cosine: Doubles) -> tuple[Doubles, Doubles]:
+def _reflected(roughness: F64, cosine: F64) -> tuple[F64, F64]:
     # For facets sampled by visible normals: the cosine at the facet, and the unmasked share of its reflection. Heitz,
     # "Sampling the GGX Distribution of Visible Normals", JCGT 2018, on a golden-ratio lattice over half of the disc;
     # the other half is symmetric. The view is in the plane y = 0.
@@ -167,15 +167,15 @@ def _reflected(roughness: Doubles, cosine: Doubles) -> tuple[Doubles, Doubles]:
 class Sheen:
     """Sheen of one roughness at K view cosines: a cosine lobe, stretched by `spread`, sheared by `shear` and scaled."""
 
-    albedo: Doubles
+    albedo: F64
     """(K,) float64. Directional albedo, which scales the lobe, 0 to 1."""
-    spread: Doubles
+    spread: F64
     """(K,) float64. Stretch of the lobe."""
-    shear: Doubles
+    shear: F64
     """(K,) float64. Shear of the lobe."""
 
 
-def sheen(roughness: float, cosines: Doubles) -> Sheen:
+def sheen(roughness: float, cosines: F64) -> Sheen:
     """The sheen layer of a roughness from 0 to 1, seen at `cosines` (K,)."""
     # The fits are not valid for smaller roughness.
     x, y = cosines, min(max(roughness, 0.01), 1.0)
@@ -188,7 +188,7 @@ def sheen(roughness: float, cosines: Doubles) -> Sheen:
     return Sheen(albedo.clip(0, 1), spread, shear)
 
 
-def sheen_lobe(spread: Singles, shear: Singles, cos_light: Singles, cos_view: Singles, cos_between: Singles) -> Singles:
+def sheen_lobe(spread: F32, shear: F32, cos_light: F32, cos_view: F32, cos_between: F32) -> F32:
     """Reflectance (N,) in 1/sr of a sheen layer of albedo 1. cos_between: of the angle between light and viewer."""
     sine = np.sqrt(np.maximum(1 - cos_view * cos_view, 1e-12))
     towards_view = (cos_between - cos_light * cos_view) / sine
@@ -258,7 +258,7 @@ class PrincipledBsdf(AboveSurface):
         rows = np.take(self._by_view, step, axis=0)
         rows += (position - step)[:, None] * (np.take(self._by_view, step + 1, axis=0) - rows)
         diffuse, specular, metal, missing, coat, sheen, spread, shear = rows.T
-        result: Singles = diffuse[:, None] * base
+        result: F32 = diffuse[:, None] * base
 
         towards = lights + views
         length = np.maximum(np.sqrt(dot(towards, towards)), np.float32(1e-6))
@@ -290,7 +290,7 @@ def _share(value: float) -> float:
     return min(max(value, 0.0), 1.0)
 
 
-def _dielectric(roughness: float, ior: float, cosines: Doubles) -> tuple[Doubles, Doubles]:
+def _dielectric(roughness: float, ior: float, cosines: F64) -> tuple[F64, F64]:
     # Factor of a dielectric's lobe for multiple scattering, and its albedo, both (K,). The albedo is estimated as in
     # Cycles: the mean Fresnel reflectance times the albedo of mirror facets.
     single, average = albedo(roughness, cosines)

@@ -9,7 +9,7 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from mpsnet_core.arrays.types import Doubles, Integers
+from mpsnet_core.arrays.types import F64, I64
 
 Kind = TypeVar("Kind", np.float32, np.float64)
 GOLDEN_RATIO = (np.sqrt(5) - 1) / 2
@@ -25,7 +25,7 @@ def frames(axes: NDArray[Kind]) -> tuple[NDArray[Kind], NDArray[Kind]]:
     return first, np.stack([b, sign + y * y * a, -y], axis=1)
 
 
-def disc(count: int, turns: int = 1) -> Doubles:
+def disc(count: int, turns: int = 1) -> F64:
     """(turns, count, 2) evenly spread points on the unit disc, by Vogel's sunflower spiral (1979).
 
     The `turns` rotated sets fill each other's gaps.
@@ -36,7 +36,7 @@ def disc(count: int, turns: int = 1) -> Doubles:
     return np.stack([radius * np.cos(angle), radius * np.sin(angle)], axis=-1)
 
 
-def tiled(side: int, shape: tuple[int, int]) -> Integers:
+def tiled(side: int, shape: tuple[int, int]) -> I64:
     """(H, W) tiled Bayer matrix: numbers 0 to side² - 1, far apart for neighbours. side: of a tile, a power of 2."""
     matrix = np.zeros((1, 1), np.int64)
     while len(matrix) < side:

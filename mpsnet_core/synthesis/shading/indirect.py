@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mpsnet_core.arrays.row_bands import bands
-from mpsnet_core.arrays.types import Doubles, Integers, Singles
+from mpsnet_core.arrays.types import F32, F64, I64
 from mpsnet_core.arrays.unit_vectors import dot
 from mpsnet_core.synthesis.reflectance import Reflectance
 from mpsnet_core.synthesis.shading.directions import disc, frames, tiled
@@ -24,20 +24,20 @@ REACH = 2
 _PLANE_REACH = 3.0  # gathering pixels
 _SQUARINGS = 5  # weights are the cosine between normals to the power 2^5
 
-Albedo = Callable[[SurfacePoints], Singles]
+Albedo = Callable[[SurfacePoints], F32]
 
 
 def indirect(
     surface: Surface,
     lights: Sequence[Light],
     points: SurfacePoints,
-    pixels: Integers,
+    pixels: I64,
     shape: tuple[int, int],
     stride: int,
     footprint: float,
     albedo: Albedo,
     bounces: int,
-) -> Singles:
+) -> F32:
     """(N, lights, 3) radiance of a white matt surface at the points by light from other surfaces.
 
     pixels: (N,) indices of the points' pixels in an image of `shape`. stride: light is gathered at every `stride`-th
@@ -56,8 +56,8 @@ def indirect(
 
 
 def _gathered(
-    surface: Surface, lights: Sequence[Light], points: SurfacePoints, tile: Integers, albedo: Albedo, bounces: int
-) -> Singles:
+    surface: Surface, lights: Sequence[Light], points: SurfacePoints, tile: I64, albedo: Albedo, bounces: int
+) -> F32:
     """(N, 3 lights) mean incoming radiance along a few cosine-distributed paths."""
     total = np.zeros((len(points), len(lights), 3), np.float32)
     places = disc(RAYS, _TILE**2).astype(np.float32)
@@ -91,7 +91,7 @@ def _gathered(
     return total.reshape(len(points), -1)
 
 
-def _cosine_distributed(places: Singles, points: SurfacePoints) -> Singles:
+def _cosine_distributed(places: F32, points: SurfacePoints) -> F32:
     """(N, 3) cosine-distributed directions above the points, from points (N, 2) on the unit disc (Malley's method)."""
     first, second = frames(points.smooth)
     x, y = places.T[..., None]
@@ -105,9 +105,7 @@ class _Grid:
     between neighbouring grid points on the surface.
     """
 
-    def __init__(
-        self, shape: tuple[int, int], at: Integers, normals: Singles, positions: Singles, values: Singles, step: float
-    ) -> None:
+    def __init__(self, shape: tuple[int, int], at: I64, normals: F32, positions: F32, values: F32, step: float) -> None:
         # A border as wide as the smoothing radius avoids special cases. Normals are 0 where there is no surface.
         row, column = np.divmod(at, shape[1])
         self.width = shape[1] + 2 * REACH
@@ -132,7 +130,7 @@ class _Grid:
             weights += weight
         values[self.numbers] = total / weights  # a point's own weight is 1, so the sum is above 0
 
-    def sampled(self, row: Doubles, column: Doubles, points: SurfacePoints) -> Singles:
+    def sampled(self, row: F64, column: F64, points: SurfacePoints) -> F32:
         """(N, K) values at points at rows and columns (N,) of the grid, interpolated from the nearest four."""
         normals, positions, values = self.layers
         top, left = np.floor(row).astype(np.int64), np.floor(column).astype(np.int64)
@@ -155,9 +153,9 @@ class _Grid:
         total /= np.maximum(weights, 1e-9)
         return total
 
-    def _alike(self, normals: Singles, positions: Singles, other_normals: Singles, other_positions: Singles) -> Singles:
+    def _alike(self, normals: F32, positions: F32, other_normals: F32, other_positions: F32) -> F32:
         """(N,) similarity of two surface elements, 0 to 1."""
-        alike: Singles = np.maximum(dot(normals, other_normals), 0)
+        alike: F32 = np.maximum(dot(normals, other_normals), 0)
         for _ in range(_SQUARINGS):
             alike *= alike
         plane = dot(normals, other_positions - positions)
@@ -188,7 +186,7 @@ _ANGLES, _STEPS = np.pi / 2 * _ANGLES**3, np.pi / 2 * 3 * _ANGLES**2 / 96
 class Lobe:
     """Properties of a reflectance at normal incidence."""
 
-    albedo: Singles
+    albedo: F32
     """(3,) float32. Directional albedo."""
     width: float
     """Angle in radians at which the highlight falls to a half, infinite if there is none."""
@@ -212,11 +210,11 @@ def reflect_light(
     reflectance: Reflectance,
     width: float,
     light: Light,
-    normals: Singles,
-    views: Singles,
-    paint: Singles | None,
+    normals: F32,
+    views: F32,
+    paint: F32 | None,
     turns: NDArray[np.integer[Any]],
-) -> Singles:
+) -> F32:
     """(N, 3) radiance of points under an unoccluded light, divided by irradiance; 1 for a white matt surface.
 
     normals, views: (N, 3) unit vectors. paint: (N, 3) or None. width: of the reflectance's lobe. turns: (N,) integers
@@ -225,7 +223,7 @@ def reflect_light(
     middle = light.direction.astype(np.float32)
     cosine = normals @ middle
     radius = light.radius
-    result: Singles = np.pi * reflectance(normals, _above(normals, middle, cosine), views, paint)
+    result: F32 = np.pi * reflectance(normals, _above(normals, middle, cosine), views, paint)
     if radius <= POINT_LIKE * width:
         return result
     mirrored = (2 * dot(normals, views))[:, None] * normals - views
@@ -254,7 +252,7 @@ def reflect_light(
     return result
 
 
-def _above(normals: Singles, middle: Singles, cosine: Singles) -> Singles:
+def _above(normals: F32, middle: F32, cosine: F32) -> F32:
     """(N, 3) directions to the light's centre, lifted above the horizon."""
     towards = np.broadcast_to(middle, normals.shape)
     below = np.flatnonzero(cosine < MIN_COSINE)
@@ -265,7 +263,7 @@ def _above(normals: Singles, middle: Singles, cosine: Singles) -> Singles:
     return towards
 
 
-Places = Iterator[tuple[Singles, Singles]]
+Places = Iterator[tuple[F32, F32]]
 """Point after point of a disc: where (N, 2), its rim the unit circle, and with which weight (N,) or () for all."""
 
 
@@ -275,13 +273,13 @@ def _three(turns: NDArray[np.integer[Any]]) -> Places:
         yield places[turns], np.array(1 / 3, np.float32)
 
 
-def _many(mirror: Singles, spread: np.float32, turns: NDArray[np.integer[Any]]) -> Places:
+def _many(mirror: F32, spread: np.float32, turns: NDArray[np.integer[Any]]) -> Places:
     """Samples of the disc and of the lobe, combined by the balance heuristic (Veach 1997).
 
     mirror: (N, 2) intersection of the mirror direction with the disc's plane. spread: width of the lobe there.
     """
 
-    def weights(places: Singles) -> Singles:
+    def weights(places: F32) -> F32:
         square = ((places - mirror) ** 2).sum(axis=1)
         density = spread**2 / (square + spread**2) ** 2 / within
         return ((places**2).sum(axis=1) <= 1) / (DISC_POINTS + LOBE_POINTS * density)

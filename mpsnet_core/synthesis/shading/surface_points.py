@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mpsnet_core.arrays.types import Integers, Singles
+from mpsnet_core.arrays.types import F32, I32, I64
 from mpsnet_core.arrays.unit_vectors import dot, normalised
 from mpsnet_core.scene.camera import Camera
 from mpsnet_core.scene.rays import Hits, RayScene, lift_to_curve
@@ -24,19 +24,19 @@ MIN_FACING = np.float32(0.01)
 class SurfacePoints:
     """N points of the surface, in world space unless stated otherwise."""
 
-    position: Singles
+    position: F32
     """(N, 3) float32. Position on the surface."""
-    start: Singles
+    start: F32
     """(N, 3) float32. Origin of rays, just above the surface."""
-    smooth: Singles
+    smooth: F32
     """(N, 3) float32. Unit normals interpolated from the corners."""
-    normal: Singles
+    normal: F32
     """(N, 3) float32. Unit normals with bump, facing the viewer."""
-    view: Singles
+    view: F32
     """(N, 3) float32. Unit vectors to the viewer."""
-    place: Singles
+    place: F32
     """(N, 3) float32. Position in object space."""
-    part: NDArray[np.int32]
+    part: I32
     """(N,) int32. The part of the shape that each point belongs to."""
 
     def __len__(self) -> int:
@@ -59,7 +59,7 @@ class Surface:
         self.triangles, self.parts = np.ascontiguousarray(shape.triangles.T), shape.parts
         self.normals = np.ascontiguousarray(shape.corner_normals.swapaxes(0, 1))
 
-    def seen(self, camera: Camera) -> tuple[Integers, Singles, SurfacePoints]:
+    def seen(self, camera: Camera) -> tuple[I64, F32, SurfacePoints]:
         """Visible surface at pixel centres: indices (N,) in row-major order, depth (N,) along the axis, and points."""
         rows, columns = camera.extent(self.placed)
         row, column = np.mgrid[rows, columns].reshape(2, -1)
@@ -70,7 +70,7 @@ class Surface:
         depth = (hits.distance[found] - np.float32(back)) * (view @ camera.rotation[:, 2].astype(np.float32))
         return row[found] * camera.width + column[found], depth, self.points(hits.subset(found), view)
 
-    def points(self, hits: Hits, view: Singles, bump: bool = True) -> SurfacePoints:
+    def points(self, hits: Hits, view: F32, bump: bool = True) -> SurfacePoints:
         """The points at hits, without misses. view: (N, 3) unit vectors back along the rays."""
         weights = (1 - hits.u - hits.v)[:, None], hits.u[:, None], hits.v[:, None]
         # Here and below: `take` is four times as fast as indexing.
@@ -86,7 +86,7 @@ class Surface:
         start, smooth, normal = position + lift @ self.turn, smooth @ self.turn, _facing(normal, view)
         return SurfacePoints(position, start, smooth, normal, view, place, self.parts[hits.triangle])
 
-    def _face(self, smooth: Singles, normals: list[Singles], corners: list[Singles], view: Singles) -> None:
+    def _face(self, smooth: F32, normals: list[F32], corners: list[F32], view: F32) -> None:
         """Flip normals in place where the surface is seen from behind."""
         away = np.flatnonzero(dot(smooth, view) < 0)
         first, second, third = (corner[away] for corner in corners)
@@ -95,12 +95,12 @@ class Surface:
             vectors[back] *= -1
 
 
-def _blend(weights: tuple[Singles, ...], values: list[Singles]) -> Singles:
+def _blend(weights: tuple[F32, ...], values: list[F32]) -> F32:
     a, b, c = (weight * value for weight, value in zip(weights, values, strict=True))
     return a + b + c
 
 
-def _facing(normals: Singles, view: Singles) -> Singles:
+def _facing(normals: F32, view: F32) -> F32:
     """Unit normals, bent towards the viewer if they face away."""
     cosine = dot(normals, view)
     away = np.flatnonzero(cosine < MIN_FACING)

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mpsnet_core.arrays.types import Integers, Singles
+from mpsnet_core.arrays.types import F32, I64
 from mpsnet_core.arrays.unit_vectors import normalised
 from mpsnet_core.synthesis.random_sampling import generator
 from mpsnet_core.synthesis.reflectance import Reflectance
@@ -26,16 +26,16 @@ RENDERER = "synthesis"
 class _Colouring:
     """The K materials of N points."""
 
-    weights: Singles
+    weights: F32
     """(N, K) float32. Weights of the materials."""
-    paint: Singles | None
+    paint: F32 | None
     """(N, 3) float32. Factors of the materials' colours, or None."""
-    dirt: Singles | None
+    dirt: F32 | None
     """(N,) float32. Opacity of a matt layer over the materials, or None."""
 
-    def albedo(self, recipe: SceneDescription, lobes: Sequence[Lobe]) -> Singles:
+    def albedo(self, recipe: SceneDescription, lobes: Sequence[Lobe]) -> F32:
         """(N, 3) diffuse albedo of the points, as if they were matt."""
-        colour: Singles = self.weights @ np.array([lobe.albedo for lobe in lobes])
+        colour: F32 = self.weights @ np.array([lobe.albedo for lobe in lobes])
         if self.paint is not None:
             colour = colour * self.paint
         if self.dirt is not None:
@@ -73,7 +73,7 @@ def synthesise(
     if recipe.bounces and len(points):
         footprint = (1.0 if camera.projection == "orthographic" else float(depth.mean())) / camera.focal.min()
 
-        def albedo(met: SurfacePoints) -> Singles:
+        def albedo(met: SurfacePoints) -> F32:
             return _colouring(recipe, met).albedo(recipe, lobes)
 
         step = STRIDE * supersampling, float(footprint)
@@ -106,9 +106,9 @@ def _direct(
     light: Light,
     points: SurfacePoints,
     colouring: _Colouring,
-    irradiance: Singles,
+    irradiance: F32,
     turns: NDArray[np.integer[Any]],
-) -> Singles:
+) -> F32:
     """(N, 3) radiance of the points towards the viewer by direct light."""
     radiance = np.zeros((len(points), 3), np.float32)
     for number, (reflectance, one) in enumerate(zip(reflectances, lobes, strict=True)):
@@ -131,10 +131,10 @@ class _Image:
     pixels: (N,) indices of the points in that grid, in row-major order.
     """
 
-    def __init__(self, grid: tuple[int, int], times: int, pixels: Integers) -> None:
+    def __init__(self, grid: tuple[int, int], times: int, pixels: I64) -> None:
         self.grid, self.times, self.pixels = grid, times, pixels
 
-    def share(self, values: Singles) -> Singles:
+    def share(self, values: F32) -> F32:
         """(H, W, ...) mean over the whole pixel, counting zero where there is no point."""
         fine = np.zeros((self.grid[0] * self.grid[1], *values.shape[1:]), np.float32)
         fine[self.pixels] = values
@@ -142,7 +142,7 @@ class _Image:
         fine = fine.reshape(height // times, times, width // times, times, *values.shape[1:])
         return fine[:, 0, :, 0] if times == 1 else fine.mean(axis=(1, 3), dtype=np.float32)
 
-    def mean(self, values: Singles, alpha: Singles) -> Singles:
+    def mean(self, values: F32, alpha: F32) -> F32:
         """(H, W) mean over the covered part of the pixel."""
         mean = self.share(values)
         mean /= np.maximum(alpha, 1e-6)

@@ -10,8 +10,9 @@ from typing import Any
 
 import numpy as np
 
-from mpsnet_core.arrays.types import Doubles, StrPath
+from mpsnet_core.arrays.types import F64
 from mpsnet_core.errors import FormatError, InputError, SettingsError, check_choice
+from mpsnet_core.io.opening import AnyPath
 from mpsnet_core.synthesis.noise import gradient_noise
 from mpsnet_core.synthesis.random_sampling import chance, choice, generator, integer, new_seed, uniform
 from mpsnet_core.synthesis.shapes import blobs, drapery, hollows, reliefs
@@ -75,7 +76,7 @@ def draw_shape(rng: np.random.Generator, kind: str, meshes: Sequence[str] = ()) 
     return {**description, "pose": pose, "files": files, "deformed": chance(rng, 0.5)}
 
 
-def build_shape(description: dict[str, Any], meshes: StrPath = "") -> Shape:
+def build_shape(description: dict[str, Any], meshes: AnyPath = "") -> Shape:
     """Build a shape from its description.
 
     Parameters
@@ -135,7 +136,7 @@ def _deformed(shape: Shape, rng: np.random.Generator) -> Shape:
     seed, scale, amount = new_seed(rng), uniform(rng, 0.8, 2.0), uniform(rng, 0.05, 0.2)
     stretch = np.array([uniform(rng, 0.8, 1.1) for _ in range(3)])
 
-    def bend(points: Doubles) -> Doubles:
+    def bend(points: F64) -> F64:
         swells = np.stack([gradient_noise(points * scale, seed + k) for k in range(3)], axis=1)
         return (points + amount / scale * swells) * stretch
 

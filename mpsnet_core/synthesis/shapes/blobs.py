@@ -4,7 +4,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from mpsnet_core.arrays.types import Doubles, Floats
+from mpsnet_core.arrays.types import F64, Floats
 from mpsnet_core.arrays.unit_vectors import normalised
 from mpsnet_core.synthesis.noise import fractal_noise, gradient_noise
 from mpsnet_core.synthesis.random_sampling import chance, choice, direction, integer, new_seed, rotation, uniform
@@ -68,7 +68,7 @@ def _body(rng: np.random.Generator, cells: int) -> Shape:
     swell, push = uniform(rng, 0.15, 0.45), uniform(rng, 0.1, 0.25)
     stretch = np.array([uniform(rng, 0.6, 1.1) for _ in range(3)])
 
-    def form(points: Doubles) -> Doubles:
+    def form(points: F64) -> F64:
         out = 1 + swell * fractal_noise(points * scale, seed, 2)
         return (points * out[:, None] + push * _vectors(points * 1.1, seed + 1)) * stretch
 
@@ -96,14 +96,14 @@ def _hollowed(rng: np.random.Generator, cells: int) -> Shape:
     return isosurface(solids, 2.2 / cells)
 
 
-def _folds(rng: np.random.Generator) -> Callable[[Doubles], Doubles]:
+def _folds(rng: np.random.Generator) -> Callable[[F64], F64]:
     """Deep folds: bulges separated by creases, distorted by noise."""
     seed, scale = new_seed(rng), uniform(rng, 1.3, 2.6)
     depth, warp, push = uniform(rng, 0.5, 1.0), uniform(rng, 0.1, 0.5), uniform(rng, 0.1, 0.4)
     stretch = np.array([uniform(rng, 0.35, 1.2) for _ in range(3)])
     sharp = uniform(rng, 0.002, 0.02)
 
-    def form(points: Doubles) -> Doubles:
+    def form(points: F64) -> F64:
         places = (points + warp * _vectors(points * 1.5, seed)) * stretch * scale
         bulge = np.sqrt(gradient_noise(places, seed + 3) ** 2 + sharp)
         fine = 0.35 * np.sqrt(gradient_noise(places * 2.1, seed + 4) ** 2 + sharp)
@@ -113,12 +113,12 @@ def _folds(rng: np.random.Generator) -> Callable[[Doubles], Doubles]:
     return form
 
 
-def _ridges(rng: np.random.Generator) -> Callable[[Doubles], Doubles]:
+def _ridges(rng: np.random.Generator) -> Callable[[F64], F64]:
     """Sharp ridges between smooth valleys."""
     seed, scale, amount = new_seed(rng), uniform(rng, 1.3, 2.8), uniform(rng, 0.05, 0.12)
     sharp, warp = uniform(rng, 0.002, 0.01), uniform(rng, 0.0, 0.3)
 
-    def height(points: Doubles) -> Doubles:
+    def height(points: F64) -> F64:
         places = (points + warp * _vectors(points * 1.3, seed)) * scale
         crest = 0.5 - np.sqrt(gradient_noise(places, seed + 3) ** 2 + sharp)
         finer = 0.5 - np.sqrt(gradient_noise(places * 2.2, seed + 4) ** 2 + sharp)
@@ -127,7 +127,7 @@ def _ridges(rng: np.random.Generator) -> Callable[[Doubles], Doubles]:
     return height
 
 
-def _wrinkles(rng: np.random.Generator) -> Callable[[Doubles], Floats]:
+def _wrinkles(rng: np.random.Generator) -> Callable[[F64], Floats]:
     """Fine relief: creases, grain, or ridges like those of a fingerprint or a brain."""
     kind = choice(rng, ("creases", "grain", "rows"))
     seed = new_seed(rng)
@@ -174,7 +174,7 @@ def _crystal(rng: np.random.Generator) -> Shape:
     return placed(stacked(np.stack(rings)), rotation(rng))
 
 
-def _vectors(points: Doubles, seed: int) -> Doubles:
+def _vectors(points: F64, seed: int) -> F64:
     return np.stack([gradient_noise(points, seed + 7 * k) for k in range(3)], axis=1)
 
 
@@ -217,7 +217,7 @@ def _free_spot(rng: np.random.Generator, spots: list[tuple[float, float, float]]
     return best
 
 
-def _ground(rng: np.random.Generator, footprint: Doubles) -> Shape:
+def _ground(rng: np.random.Generator, footprint: F64) -> Shape:
     """A plate, a disc or an uneven floor under a footprint (N, 2), with its top at about z = 0."""
     low, high = footprint.min(axis=0), footprint.max(axis=0)
     middle, half = (low + high) / 2, (high - low) / 2

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from mpsnet_core.arrays.types import Doubles
+from mpsnet_core.arrays.types import F64
 from mpsnet_core.arrays.unit_vectors import normalised
 from mpsnet_core.synthesis.noise import fractal_noise, gradient_noise
 from mpsnet_core.synthesis.random_sampling import chance, choice, integer, new_seed, uniform
@@ -53,7 +53,7 @@ def hammock(rng: np.random.Generator) -> Shape:
     return _finished(cloth - cloth.mean(axis=(0, 1)), rng)
 
 
-def _turned(rng: np.random.Generator) -> Doubles:
+def _turned(rng: np.random.Generator) -> F64:
     """Axes rotated about z by a random angle."""
     return turn_about((0, 0, 1), uniform(rng, 0, 360))
 
@@ -78,7 +78,7 @@ def _hidden(rng: np.random.Generator) -> tuple[list[Solid], float]:
     return solids, uniform(rng, 1.6, 2.5)
 
 
-def _hung(rng: np.random.Generator, size: float) -> tuple[Doubles, dict[tuple[int, int], Doubles]]:
+def _hung(rng: np.random.Generator, size: float) -> tuple[F64, dict[tuple[int, int], F64]]:
     """A cloth in the x, z plane, with its first row on top, and the pins that gather it."""
     nodes = _LEVELS[0][0]
     flat = _flat(nodes, size)
@@ -95,16 +95,14 @@ def _hung(rng: np.random.Generator, size: float) -> tuple[Doubles, dict[tuple[in
     return start, pins
 
 
-def _flat(nodes: int, size: float) -> Doubles:
+def _flat(nodes: int, size: float) -> F64:
     """A square grid (nodes, nodes, 3) in the x, y plane, facing +z; rows are in descending order of y."""
     steps = np.linspace(-size / 2, size / 2, nodes)
     x, y = np.meshgrid(steps, -steps)
     return np.stack([x, y, np.zeros_like(x)], axis=-1)
 
 
-def _simulated(
-    start: Doubles, size: float, solids: list[Solid], pins: dict[tuple[int, int], Doubles], seed: int
-) -> Doubles:
+def _simulated(start: F64, size: float, solids: list[Solid], pins: dict[tuple[int, int], F64], seed: int) -> F64:
     """The settled cloth (M, M, 3), by position-based dynamics (Müller et al. 2007) on successively finer grids.
 
     Distance constraints: edges, diagonals and, weakly, every second node. Long-range attachments limit the distance of
@@ -116,7 +114,7 @@ def _simulated(
         rest = size / (nodes - 1)
         # A small perturbation lets it buckle.
         unrest = [gradient_noise(grid.reshape(-1, 3) * 3, seed + k).reshape(nodes, nodes) for k in range(3)]
-        cloth: Doubles = np.moveaxis(grid, 2, 0) + 0.1 * rest * np.stack(unrest)
+        cloth: F64 = np.moveaxis(grid, 2, 0) + 0.1 * rest * np.stack(unrest)
         scale = (nodes - 1) // (_LEVELS[0][0] - 1)
         held = [(row * scale, column * scale, at[:, None, None]) for (row, column), at in pins.items()]
         rows, columns = np.indices((nodes, nodes))
@@ -137,13 +135,13 @@ def _simulated(
     return grid
 
 
-def _fallen(cloth: Doubles, before: Doubles) -> Doubles:
-    moved: Doubles = cloth + 0.93 * (cloth - before)
+def _fallen(cloth: F64, before: F64) -> F64:
+    moved: F64 = cloth + 0.93 * (cloth - before)
     moved[2] -= _GRAVITY
     return moved
 
 
-def _constrain_lengths(cloth: Doubles, rest: float) -> None:
+def _constrain_lengths(cloth: F64, rest: float) -> None:
     # Alternate pairs, so no node is moved twice at a time.
     for grid in (cloth, cloth.transpose(0, 2, 1)):
         for odd in (0, 1):
@@ -155,18 +153,18 @@ def _constrain_lengths(cloth: Doubles, rest: float) -> None:
         _pull(grid[:, :-2], grid[:, 2:], 2 * rest, 0.04)
 
 
-def _pull(a: Doubles, b: Doubles, rest: float, share: float) -> None:
+def _pull(a: F64, b: F64, rest: float, share: float) -> None:
     apart = b - a
     apart *= share * (1 - rest / np.maximum(lengths(apart), 1e-9))
     a += apart
     b -= apart
 
 
-def _push_out(points: Doubles, before: Doubles, solids: list[Solid]) -> None:
+def _push_out(points: F64, before: F64, solids: list[Solid]) -> None:
     """Project points (3, N) inside a solid or the ground onto its surface, in place, with strong friction."""
 
-    def distance(places: Doubles) -> Doubles:
-        total: Doubles = places[2]
+    def distance(places: F64) -> F64:
+        total: F64 = places[2]
         for solid in solids:
             total = blended(total, solid.signed_distance(places), 0.05)
         return total - 0.03
@@ -179,7 +177,7 @@ def _push_out(points: Doubles, before: Doubles, solids: list[Solid]) -> None:
     before[:, inside] += 0.7 * (points[:, inside] - before[:, inside])
 
 
-def _resampled(grid: Doubles, nodes: int) -> Doubles:
+def _resampled(grid: F64, nodes: int) -> F64:
     """A grid (M, M, 3) resampled to `nodes` nodes along a side, by cubic interpolation."""
     if len(grid) == nodes:
         return grid
@@ -188,7 +186,7 @@ def _resampled(grid: Doubles, nodes: int) -> Doubles:
     return np.ascontiguousarray(grid)
 
 
-def _finished(cloth: Doubles, rng: np.random.Generator) -> Shape:
+def _finished(cloth: F64, rng: np.random.Generator) -> Shape:
     """The cloth as a closed shape: refined, with fine creases and a back."""
     front = _resampled(cloth, _REFINED * (len(cloth) - 1) + 1)
     normals = _grid_normals(front)
@@ -201,7 +199,7 @@ def _finished(cloth: Doubles, rng: np.random.Generator) -> Shape:
     return sheet(front, front - _THICKNESS * normals)
 
 
-def _grid_normals(grid: Doubles) -> Doubles:
+def _grid_normals(grid: F64) -> F64:
     return normalised(np.cross(np.gradient(grid, axis=1), -np.gradient(grid, axis=0)))
 
 

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from mpsnet_core.arrays.types import Doubles
+from mpsnet_core.arrays.types import F64
 from mpsnet_core.arrays.unit_vectors import normalised
 from mpsnet_core.synthesis.noise import fractal_noise
 from mpsnet_core.synthesis.random_sampling import chance, choice, direction, integer, new_seed, rotation, uniform
@@ -34,7 +34,7 @@ def build_hollow(character: str, rng: np.random.Generator, cells: int) -> Shape:
     return shape
 
 
-def _opening(rng: np.random.Generator) -> Doubles:
+def _opening(rng: np.random.Generator) -> F64:
     """(3, 3) axes of a hollow: the last, in which it opens, is at most about 60 degrees from +z."""
     up = normalised(np.array([0.0, 0.0, 1.0]) + uniform(rng, 0, 1) * direction(rng))
     side = normalised(np.cross(up, direction(rng)))

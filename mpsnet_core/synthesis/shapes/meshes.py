@@ -6,13 +6,13 @@ from pathlib import Path
 
 import numpy as np
 import trimesh
-from numpy.typing import NDArray
 
-from mpsnet_core.arrays.connected_components import connected
-from mpsnet_core.arrays.types import Doubles, Integers, Singles, StrPath
+from mpsnet_core.arrays.mask_regions import connected
+from mpsnet_core.arrays.types import F32, F64, I32, I64
 from mpsnet_core.arrays.unit_vectors import dot, normalised
 from mpsnet_core.errors import FileError, FormatError, GeometryError
 from mpsnet_core.io.files import existing_file
+from mpsnet_core.io.opening import AnyPath
 from mpsnet_core.scene.mesh import read_mesh, triangle_normals
 from mpsnet_core.synthesis.shapes.shape import Shape, fitted
 
@@ -25,7 +25,7 @@ CREASE = 40.0
 _DIGITS, _NO_AREA = 6, 5e-15
 
 
-def mesh_files(folder: StrPath) -> list[str]:
+def mesh_files(folder: AnyPath) -> list[str]:
     """List the mesh files in a folder.
 
     Parameters
@@ -90,7 +90,7 @@ def load_mesh(path: str) -> Shape:
     return shape
 
 
-def merge_vertices(vertices: Doubles, faces: Integers) -> tuple[Doubles, Integers]:
+def merge_vertices(vertices: F64, faces: I64) -> tuple[F64, I64]:
     """Merge coincident vertices, and remove degenerate and duplicate faces."""
     used = vertices[np.unique(faces)]
     size = float((used.max(axis=0) - used.min(axis=0)).max()) or 1.0
@@ -101,7 +101,7 @@ def merge_vertices(vertices: Doubles, faces: Integers) -> tuple[Doubles, Integer
     return np.array(mesh.vertices) * size, np.array(mesh.faces)
 
 
-def orient_consistently(vertices: Doubles, faces: Integers) -> Integers:
+def orient_consistently(vertices: F64, faces: I64) -> I64:
     """Flip faces so that neighbours are oriented consistently."""
     edges = faces[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2)
     owner = np.repeat(np.arange(len(faces)), 3)
@@ -135,7 +135,7 @@ def orient_consistently(vertices: Doubles, faces: Integers) -> Integers:
     return np.where(flip[:, None], faces[:, ::-1], faces)
 
 
-def thicken_if_flat(vertices: Doubles, faces: Integers) -> tuple[Doubles, Integers]:
+def thicken_if_flat(vertices: F64, faces: I64) -> tuple[F64, I64]:
     """Thicken a flat mesh to a plate of 1/40 of its width; return any other mesh unchanged."""
     centred = vertices - vertices.mean(axis=0)
     _, extents, axes = np.linalg.svd(centred.T @ centred)
@@ -150,7 +150,7 @@ def thicken_if_flat(vertices: Doubles, faces: Integers) -> tuple[Doubles, Intege
     return both, np.concatenate([faces, faces[:, ::-1] + other, low, high])
 
 
-def fill_mesh_holes(vertices: Doubles, faces: Integers) -> tuple[Doubles, Integers]:
+def fill_mesh_holes(vertices: F64, faces: I64) -> tuple[F64, I64]:
     """Fill every hole with a triangle fan around its centre."""
     onward: dict[int, list[int]] = {}
     for start, end in _open_edges(vertices, faces).tolist():
@@ -184,7 +184,7 @@ def _loops(onward: dict[int, list[int]]) -> Iterator[list[int]]:
             path.append(after)
 
 
-def _open_edges(vertices: Doubles, faces: Integers) -> Integers:
+def _open_edges(vertices: F64, faces: I64) -> I64:
     """(N, 2) boundary edges, which occur more often in one direction than in the other; they form loops."""
     edges = faces[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2)
     keys, index = np.unique(np.sort(edges, axis=1) @ np.array([len(vertices), 1]), return_inverse=True)
@@ -194,7 +194,7 @@ def _open_edges(vertices: Doubles, faces: Integers) -> Integers:
     return np.repeat(forth, np.abs(net), axis=0)
 
 
-def orient_outward(vertices: Doubles, faces: Integers) -> Integers:
+def orient_outward(vertices: F64, faces: I64) -> I64:
     """Flip connected patches of faces with negative volume."""
     patch = connected(len(vertices), faces[:, :2].ravel(), faces[:, 1:].ravel())[faces[:, 0]]
     a, b, c = (vertices[faces[:, k]] for k in range(3))
@@ -202,7 +202,7 @@ def orient_outward(vertices: Doubles, faces: Integers) -> Integers:
     return np.where((volume < 0)[patch][:, None], faces[:, ::-1], faces)
 
 
-def creased_normals(vertices: Doubles, triangles: NDArray[np.int32]) -> Singles:
+def creased_normals(vertices: F64, triangles: I32) -> F32:
     """(T, 3, 3) corner normals, from the faces at the vertex within the crease angle of the corner's own face."""
     area = triangle_normals(vertices[triangles])
     flat = normalised(area)

@@ -6,10 +6,10 @@ from functools import lru_cache
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from trimesh.creation import icosphere
 
-from mpsnet_core.arrays.types import Doubles, Floats, Singles
+from mpsnet_core.arrays.types import F32, F64, I32, Floats
 from mpsnet_core.arrays.unit_vectors import normalised
 from mpsnet_core.scene.mesh import triangle_normals
 
@@ -18,17 +18,17 @@ from mpsnet_core.scene.mesh import triangle_normals
 class Shape:
     """A triangle mesh in object space: centred at the origin, z up, bounding sphere of radius 1."""
 
-    vertices: Doubles
+    vertices: F64
     """(V, 3) float64. Positions."""
-    triangles: NDArray[np.int32]
+    triangles: I32
     """(T, 3) int32. Vertex indices, counter-clockwise seen from outside."""
-    corner_normals: Singles
+    corner_normals: F32
     """(T, 3, 3) float32. Unit shading normals."""
-    parts: NDArray[np.int32]
+    parts: I32
     """(T,) int32. The part that each triangle belongs to."""
 
 
-def smooth_shape(vertices: Doubles, triangles: NDArray[np.int32], normals: Floats | None = None) -> Shape:
+def smooth_shape(vertices: F64, triangles: I32, normals: Floats | None = None) -> Shape:
     """A shape of one part with normals (V, 3) per vertex, by default those of its triangles, weighted by area."""
     if normals is None:
         faces = triangle_normals(vertices[triangles])
@@ -37,13 +37,13 @@ def smooth_shape(vertices: Doubles, triangles: NDArray[np.int32], normals: Float
     return Shape(vertices, triangles, normals.astype(np.float32)[triangles], np.zeros(len(triangles), np.int32))
 
 
-def faceted_shape(vertices: Doubles, triangles: NDArray[np.int32]) -> Shape:
+def faceted_shape(vertices: F64, triangles: I32) -> Shape:
     """A flat-shaded shape of one part."""
     faces = normalised(triangle_normals(vertices[triangles])).astype(np.float32)
     return Shape(vertices, triangles, np.repeat(faces[:, None], 3, axis=1), np.zeros(len(triangles), np.int32))
 
 
-def vertex_normals(shape: Shape) -> Doubles:
+def vertex_normals(shape: Shape) -> F64:
     """(V, 3) normals of a shape with one normal per vertex."""
     normals = np.zeros_like(shape.vertices)
     normals[shape.triangles.ravel()] = shape.corner_normals.reshape(-1, 3)
@@ -83,12 +83,12 @@ def fitted(shape: Shape) -> Shape:
     return replace(shape, vertices=vertices)
 
 
-def turn_about(axis: ArrayLike, degrees: float) -> Doubles:
+def turn_about(axis: ArrayLike, degrees: float) -> F64:
     """Axes for :func:`placed` that rotate a shape by `degrees` about `axis`, counter-clockwise seen from its tip."""
     x, y, z = np.asarray(axis, np.float64) / np.linalg.norm(axis)
     cos, sin = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))
     across = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
-    turn: Doubles = np.eye(3) + sin * across + (1 - cos) * (across @ across)
+    turn: F64 = np.eye(3) + sin * across + (1 - cos) * (across @ across)
     return turn.T
 
 
@@ -99,7 +99,7 @@ def turn_about(axis: ArrayLike, degrees: float) -> Doubles:
 _STEP = 1e-3
 
 
-def stacked(rings: Doubles) -> Shape:
+def stacked(rings: F64) -> Shape:
     """A closed surface through a stack of rings (M, N, 3), counter-clockwise seen from the side of the last one."""
     layers, around = rings.shape[:2]
     ends = np.stack([rings[0].mean(axis=0), rings[-1].mean(axis=0)])
@@ -115,7 +115,7 @@ def stacked(rings: Doubles) -> Shape:
     return smooth_shape(vertices, np.concatenate([sides, caps]))
 
 
-def slab(outline: Doubles, height: float, bevel: float) -> Shape:
+def slab(outline: F64, height: float, bevel: float) -> Shape:
     """A bevelled plate from z = 0 to `height`. outline: (N, 2), counter-clockwise, star-shaped about the origin.
 
     The radius of its corners must be larger than the bevel.
@@ -133,7 +133,7 @@ def slab(outline: Doubles, height: float, bevel: float) -> Shape:
     return stacked(np.stack(rings))
 
 
-def sheet(front: Doubles, back: Doubles) -> Shape:
+def sheet(front: F64, back: F64) -> Shape:
     """A closed sheet between two grids (M, N, 3), with a round hem.
 
     Seen from the front, rows run down and columns to the right.
@@ -160,7 +160,7 @@ def sheet(front: Doubles, back: Doubles) -> Shape:
     return smooth_shape(np.concatenate([flat, back.reshape(-1, 3), *hems]), triangles)
 
 
-def displaced(shape: Shape, height: Callable[[Doubles], Floats]) -> Shape:
+def displaced(shape: Shape, height: Callable[[F64], Floats]) -> Shape:
     """Displace a smooth shape of one part along its normals by a height field in space, (N, 3) to (N,).
 
     Normals follow the gradient of the field along the surface.
@@ -177,7 +177,7 @@ def displaced(shape: Shape, height: Callable[[Doubles], Floats]) -> Shape:
     return smooth_shape(shape.vertices + here[:, None] * normals, shape.triangles, tilted)
 
 
-def bent(shape: Shape, bend: Callable[[Doubles], Doubles]) -> Shape:
+def bent(shape: Shape, bend: Callable[[F64], F64]) -> Shape:
     """Deform a shape and its normals by a smooth map of space, (N, 3) to (N, 3)."""
     moved = bend(shape.vertices)
     x, y, z = ((bend(shape.vertices + step) - moved) / _STEP for step in _STEP * np.eye(3))
@@ -187,7 +187,7 @@ def bent(shape: Shape, bend: Callable[[Doubles], Doubles]) -> Shape:
     return replace(shape, vertices=moved, corner_normals=normals)
 
 
-def catmull_rom(knots: Doubles, nodes: int) -> Doubles:
+def catmull_rom(knots: F64, nodes: int) -> F64:
     """(nodes, ...) points, evenly spaced in parameter, on the Catmull-Rom spline (1974) through knots (M, ...)."""
     place = np.linspace(0, len(knots) - 1, nodes)
     start = np.minimum(place.astype(np.int64), len(knots) - 2)
@@ -198,7 +198,7 @@ def catmull_rom(knots: Doubles, nodes: int) -> Doubles:
 
 
 @lru_cache(maxsize=4)
-def sphere(level: int) -> tuple[Doubles, NDArray[np.int32]]:
+def sphere(level: int) -> tuple[F64, I32]:
     """Vertices and triangles of the unit sphere: an icosahedron subdivided `level` times."""
     ball = icosphere(level)
     return np.array(ball.vertices), ball.faces.astype(np.int32)
