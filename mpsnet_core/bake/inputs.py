@@ -141,13 +141,11 @@ def frame_inputs(mesh: str, views: Sequence[tuple[str, str]]) -> dict[int, BakeI
     left_out = max(map(len, numbered)) - len(numbers)
     if left_out:
         log.warning("%d frame(s) are left out: not every view or mesh has their number", left_out)
-    return {
-        number: BakeInputs(
-            (_file_of(meshes, number),),
-            tuple(ViewInputs(_file_of(cameras, number), _file_of(normals, number)) for cameras, normals in pairs),
-        )
-        for number in numbers
-    }
+    found = {}
+    for number in numbers:
+        views_of = (ViewInputs(_file_of(cameras, number), _file_of(normals, number)) for cameras, normals in pairs)
+        found[number] = BakeInputs((_file_of(meshes, number),), tuple(views_of))
+    return found
 
 
 def _by_number(given: str, what: str) -> Path | dict[int, Path]:
