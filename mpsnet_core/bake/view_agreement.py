@@ -222,8 +222,8 @@ def warn_of_misfit(name: str, view: View, mesh: Mesh, scene: RayScene) -> None:
         return
     covered = f"{100 * found.covered:.2g}%" if found.covered < 0.1 else f"{found.covered:.0%}"
     log.warning(
-        f"view {name} does not fit the mesh, which covers {covered} of what the view shows, with normals that differ by "
-        f"{found.degrees:.0f}° (median): {remedy or TOGETHER} [misfit-view]"
+        f"view {name} does not fit the mesh, which covers {covered} of what the view shows, with normals that differ "
+        f"by {found.degrees:.0f}° (median): {remedy or TOGETHER} [misfit-view]"
     )
 
 

@@ -16,10 +16,9 @@ def text_table(header: Sequence[str], lines: Sequence[Sequence[str]], left: int)
     """
     table = [header, *lines]
     widths = [max(len(line[column]) for line in table) for column in range(len(header))]
-    placed = [
-        [f"{cell:{'<' if place < left else '>'}{widths[place]}}" for place, cell in enumerate(line)] for line in table
-    ]
-    return "\n".join("  ".join(cells).rstrip() for cells in placed)
+    sides = [str.ljust] * left + [str.rjust] * (len(header) - left)
+    rows = [[side(*cell) for side, *cell in zip(sides, line, widths, strict=True)] for line in table]
+    return "\n".join("  ".join(row).rstrip() for row in rows)
 
 
 def table_of_means(header: Sequence[str], values: Iterable[tuple[tuple[str, ...], str, float | None]]) -> str:
