@@ -13,13 +13,13 @@ from typing import TypeVar
 
 from mpsnet_core.batch import Batch
 from mpsnet_core.capture.capture import Capture
+from mpsnet_core.defaults import Convention
 from mpsnet_core.errors import InputError, NoObject
 from mpsnet_core.estimate.sequence.smoothing import EstimatedFrame, smoothed
 from mpsnet_core.estimate.sequence.source import Frame
 from mpsnet_core.io.files import check_own, ensure_folder, remove_abandoned
 from mpsnet_core.io.provenance import is_result, is_up_to_date, provenance_line
 from mpsnet_core.progress import Progress, part, silent
-from mpsnet_core.scene.normal_encoding import Convention
 from mpsnet_core.scene.normal_map import NormalMap, write_normals
 
 # Frames to read ahead, and normals that may wait to be written: just enough to keep both estimate and disk busy.
