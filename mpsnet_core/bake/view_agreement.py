@@ -82,7 +82,8 @@ class Agreement:
         before, after = (_angles_to_the_others([samples[place] for samples in self._samples]) for place in (0, 1))
         seen = [float((levelled[:, 3] > 0).mean()) for _, levelled in self._samples]
         names, levels = zip(*self._views, strict=True)
-        known = zip(names, seen, levels, before, after, gains or [None] * len(seen), strict=True)
+        of_colours: Sequence[Sequence[float] | None] = gains or [None] * len(seen)
+        known = zip(names, seen, levels, before, after, of_colours, strict=True)
         return [ViewAgreement(*facts) for facts in known]
 
 

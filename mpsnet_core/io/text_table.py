@@ -17,7 +17,7 @@ def text_table(header: Sequence[str], lines: Sequence[Sequence[str]], left: int)
     table = [header, *lines]
     widths = [max(len(line[column]) for line in table) for column in range(len(header))]
     sides = [str.ljust] * left + [str.rjust] * (len(header) - left)
-    rows = [[side(*cell) for side, *cell in zip(sides, line, widths, strict=True)] for line in table]
+    rows = ([put(cell, width) for put, cell, width in zip(sides, line, widths, strict=True)] for line in table)
     return "\n".join("  ".join(row).rstrip() for row in rows)
 
 
