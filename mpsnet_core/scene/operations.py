@@ -192,9 +192,8 @@ class CompareNormals(Operation):
         estimate = read_normals(self.normals, convention=self.convention)
         mask, inside = estimate.mask, estimate.vectors[estimate.mask]
         del estimate  # two large photos' normals take much memory
-        errors = errors_inside(
-            mask, inside, read_true_normals(self.truth, self.camera, convention=self.truth_convention)
-        )
+        truth = read_true_normals(self.truth, self.camera, convention=self.truth_convention)
+        errors = errors_inside(mask, inside, truth)
         if self.output:
             progress(0.6, f"writing {Path(self.output).name}")
             write_picture_bands(self.output, *scaled_error_bands(errors.degrees, errors.mask))
