@@ -398,12 +398,8 @@ def _warn_of_overlapping_uvs(meshes: Sequence[Mesh], texture_set: TextureSet) ->
         remedy = "; if each material has its own texture, put <MATERIAL> into the output's name"
     elif len(meshes) > 1:
         remedy = "; pack the objects' UVs together, or give each object a texture of its own"
-    log.log(
-        level,
-        "UVs overlap: there, the texture shows only one of the surfaces, if possible one that a view sees"
-        "%s [overlapping-uvs]",
-        remedy,
-    )
+    shown = "there, the texture shows only one of the surfaces, if possible one that a view sees"
+    log.log(level, f"UVs overlap: {shown}{remedy} [overlapping-uvs]")
 
 
 def _averaged(points: Texture, samples: int) -> Texture:

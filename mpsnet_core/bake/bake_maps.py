@@ -83,9 +83,8 @@ def _bake_frames(
     files = [file for file, _ in frames.values()]
     read = {file for _, inputs in frames.values() for file in inputs.files}
     disk.check_no_overwrite(read.union(_onto_files(options)), files)
-    disk.remove_abandoned(
-        disk.ensure_folder(results_folder(target.output, "a sequence is baked", "textures"), "textures")
-    )
+    folder = results_folder(target.output, "a sequence is baked", "textures")
+    disk.remove_abandoned(disk.ensure_folder(folder, "textures"))
     level = options.level_scale()
     base_map = one_base_map(options.onto, options.onto_convention, options.onto_shown) if options.onto else None
     reader = ViewReader(level, [base_map] if base_map else [], options.normals_convention)

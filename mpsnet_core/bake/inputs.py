@@ -9,6 +9,7 @@ from mpsnet_core.bake.base_maps import BaseMap, log_shares, remove_base_details
 from mpsnet_core.bake.low_frequency_correction import apply_low_frequency_correction, find_low_frequency_correction
 from mpsnet_core.bake.projection import View
 from mpsnet_core.bake.view_agreement import warn_of_misfit
+from mpsnet_core.defaults import Convention
 from mpsnet_core.errors import FileError
 from mpsnet_core.estimate.albedo import read_albedo
 from mpsnet_core.io.files import prefix_errors
@@ -19,7 +20,6 @@ from mpsnet_core.progress import Progress
 from mpsnet_core.scene.camera import read_camera
 from mpsnet_core.scene.mesh import Mesh, join_meshes
 from mpsnet_core.scene.normal_directions import check_directions
-from mpsnet_core.scene.normal_encoding import Convention
 from mpsnet_core.scene.normal_map import read_normals
 from mpsnet_core.scene.rays import RayScene
 
@@ -141,13 +141,11 @@ def frame_inputs(mesh: str, views: Sequence[tuple[str, str]]) -> dict[int, BakeI
     left_out = max(map(len, numbered)) - len(numbers)
     if left_out:
         log.warning("%d frame(s) are left out: not every view or mesh has their number", left_out)
-    return {
-        number: BakeInputs(
-            (_file_of(meshes, number),),
-            tuple(ViewInputs(_file_of(cameras, number), _file_of(normals, number)) for cameras, normals in pairs),
-        )
-        for number in numbers
-    }
+    found = {}
+    for number in numbers:
+        views_of = (ViewInputs(_file_of(cameras, number), _file_of(normals, number)) for cameras, normals in pairs)
+        found[number] = BakeInputs((_file_of(meshes, number),), tuple(views_of))
+    return found
 
 
 def _by_number(given: str, what: str) -> Path | dict[int, Path]:

@@ -87,9 +87,8 @@ def correct_low_frequencies(
     weights w: it minimises ``sum w |r x n - t x n|²``, where t is the rotation vector from n to m, perpendicular to n.
     The normal equations are ``(sum w (1 - n nᵀ)) r = sum w t``: Wahba's problem (1965), linearised.
     """
-    return apply_low_frequency_correction(
-        normals, find_low_frequency_correction(normals, camera, mesh, scene, scale=scale)
-    )
+    correction = find_low_frequency_correction(normals, camera, mesh, scene, scale=scale)
+    return apply_low_frequency_correction(normals, correction)
 
 
 def find_low_frequency_correction(

@@ -89,16 +89,8 @@ class ViewCaptureSettings:
 
     def source(self, view: ViewPhoto, scene: RayScene) -> Source:
         """The view's photo, to be opened."""
-        return Source(
-            view.photo,
-            self.rig_of(view.camera),
-            self.mask_of(view),
-            f"view {view.name}",
-            view.camera,
-            view.lens,
-            scene=scene,
-            white=self.white_of(view),
-        )
+        facts = self.rig_of(view.camera), self.mask_of(view), f"view {view.name}", view.camera, view.lens
+        return Source(view.photo, *facts, scene=scene, white=self.white_of(view))
 
 
 def _companion_image(view: ViewPhoto, folder: PhotoFolder, ending: str, what: str) -> Path:

@@ -145,10 +145,6 @@ def _to_tangent_space(vectors: F32, normal: F32, tangent: F32, sign: F32) -> F32
     across = _dot(normal, tangent)
     (x, y, z), (u, v, w) = normal, tangent
     bitangent = np.stack([y * w - z * v, z * u - x * w, x * v - y * u])
-    return np.stack(
-        [
-            along_tangent * _dot(normal, normal) - along_normal * across,
-            _dot(vectors, bitangent) * sign,
-            along_normal * _dot(tangent, tangent) - along_tangent * across,
-        ]
-    )
+    right = along_tangent * _dot(normal, normal) - along_normal * across
+    outwards = along_normal * _dot(tangent, tangent) - along_tangent * across
+    return np.stack([right, _dot(vectors, bitangent) * sign, outwards])

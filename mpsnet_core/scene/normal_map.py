@@ -9,12 +9,13 @@ from mpsnet_core.arrays.resampling import grid_step
 from mpsnet_core.arrays.row_bands import FEW_ROWS, bands, on_all_cores
 from mpsnet_core.arrays.types import F32, Bools
 from mpsnet_core.arrays.unit_vectors import normalised
+from mpsnet_core.defaults import Convention
 from mpsnet_core.errors import FormatError, GeometryError
 from mpsnet_core.io.from_files import takes_files
 from mpsnet_core.io.image_reading import read_channel
 from mpsnet_core.io.opening import AnyPath
 from mpsnet_core.io.shown import Shown
-from mpsnet_core.scene.normal_encoding import SAMPLED, Convention, encode, read_vectors, write_vectors
+from mpsnet_core.scene.normal_encoding import SAMPLED, encode, read_vectors, write_vectors
 
 # The fraction of a map's normals that must face the camera (camera space) or outwards (tangent and object space).
 OUTWARDS_SHARE = 0.9
