@@ -40,6 +40,9 @@ POINTS_AT_ONCE = 1 << 17
 POINTS_HELD = 1 << 22
 # The weight of the mesh's own normal where views fade out: that of a view at 80 degrees to the surface normal.
 FADE = 1e-3
+# Expected error of a view in degrees from which the mesh has this weight everywhere: at such a slant few pixels show
+# the surface, those of the photo and of the mesh are not the same points, and estimates err most. Exact views stay so.
+DOUBT = 5.0
 
 
 @takes_files
@@ -74,7 +77,8 @@ def bake_normals(
     -------
     Texture
         Each texel is the mean over the views that see it, weighted by confidence and by the fourth power of the cosine
-        between surface and camera. Texels that no view sees keep the mesh's shading normal unless they are filled.
+        between surface and camera. Where views expect an error, the mesh has a little weight, too: it shows at grazing
+        angles. Texels that no view sees keep the mesh's shading normal unless they are filled.
         Colours have the same weights. Where no view has one, they go on along the surface, and beyond the islands.
 
     Raises
@@ -352,7 +356,8 @@ class _Bake:
         points.views.ravel()[texels] = sums.views
         # In tangent space the surface's own normal is +z and need not be computed.
         some = np.flatnonzero(sums.views) if self.baking.space == "tangent" else np.arange(len(texels))
-        fade = np.float32(FADE * (self.projectors.feather > 0))
+        doubt = 1.0 if self.projectors.feather > 0 else min(1.0, (self.projectors.expected_error / DOUBT) ** 2)
+        fade = np.float32(FADE * doubt)
         mean = np.stack([sums.sums[:, axis].take(some) + normal[axis].take(some) * fade for axis in range(3)])
         vectors, first = points.vectors.reshape(-1), 3 * texels.take(some)
         encoded = surface.encoded(place.some(some), mean, self.baking.space, self.baking.strength)

@@ -232,9 +232,9 @@ class CachedViews(Sequence[View]):
         view, known = self.kept[number].read(self.cameras[number]), self._shares.get(number)
         if known is None:
             warn_of_misfit(self.kept[number].name, view, self.mesh, self.scene)
-        estimated, levelled, angle, found = self.reader.prepared(view, self.mesh, self.scene, known)
+        estimated, levelled, correction, found = self.reader.prepared(view, self.mesh, self.scene, known)
         self._shares[number] = found
-        return estimated, levelled, angle
+        return estimated, levelled, 0.0 if correction is None else correction.mean_angle
 
 
 def estimate_views(

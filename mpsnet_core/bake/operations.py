@@ -30,8 +30,9 @@ if TYPE_CHECKING:
     from mpsnet_core.scene.view_photos import ViewPhoto
 
 LEVEL = (
-    "take large shapes from the mesh, and from the photos only detail smaller than about twice SCALE (a "
-    f"fraction of the mesh's size; on means {LEVEL_SCALE:g})"
+    "take large shapes from the mesh, and from the photos only detail smaller than about twice SCALE (a fraction of "
+    f"the mesh's size; on means {LEVEL_SCALE:g}). auto: take them as far as the mesh agrees with the estimate, within "
+    "the error that the estimate expects of itself"
 )
 
 
@@ -133,9 +134,9 @@ class BakesDetail(MakesTextures):
 
     level: str | None = option(
         default=None,
-        metavar="on|off|SCALE",
+        metavar="auto|on|off|SCALE",
         help=LEVEL,
-        unset="off, or on with an existing map",
+        unset="auto, or on with an existing map",
         provenance="none",  # the parsed scale is recorded
         numbers=True,
     )
@@ -212,7 +213,12 @@ class BakesDetail(MakesTextures):
         from mpsnet_core.bake.low_frequency_correction import parse_scale
 
         # The photo shows the base map's large shapes, too; they must not be added to it again.
-        return parse_scale(self.level or ("on" if self.onto else "off"))
+        return parse_scale(self.level or ("on" if self.onto else "auto"))
+
+    @property
+    def agreed(self) -> bool:
+        """Whether the levelling takes from the mesh only what agrees with the views."""
+        return (self.level or ("on" if self.onto else "auto")) == "auto"
 
     def baking(self, feather: float) -> "BakeSettings":
         """How the textures are baked.
@@ -376,7 +382,7 @@ class Bake(BakesDetail):
         from mpsnet_core.bake.feather import FEATHER
 
         # Levelled views agree in their low frequencies: feathering leaves no seam.
-        return self.baking(FEATHER if self.level_scale() else 0.0)
+        return self.baking(FEATHER if self.level_scale() and not self.agreed else 0.0)
 
     def _pose(
         self, views: list[tuple[str, str]], target: "TextureTarget", baking: "BakeSettings", progress: Progress
@@ -398,7 +404,7 @@ class Bake(BakesDetail):
         )
         progress(0.0, "reading the mesh")
         plan = self.planned(target, [*inputs.files, *self._onto_files()], albedo=bool(self.albedo))
-        reader = ViewReader(self.level_scale(), plan.base_maps.in_photos(), self.normals_convention)
+        reader = ViewReader(self.level_scale(), plan.base_maps.in_photos(), self.normals_convention, self.agreed)
         seen, _ = reader.read(inputs.views, plan.meshes, part(progress, 0.05, 0.15))
         if self.albedo and len(seen) > 1:
             seen = matched_views(seen, plan.meshes, baking.feather)
@@ -422,16 +428,19 @@ class Bake(BakesDetail):
         frames, numbers = self._frames(views, target)
         check_no_overwrite({*(file for one in frames.values() for file in one.files), *self._onto_files()}, frames)
         remove_abandoned(ensure_folder(results_folder(target.output, "a sequence is baked", "textures"), "textures"))
-        level = self.level_scale()
+        level, how = self.level_scale(), " where they agree" if self.agreed else ""
         base_maps = [one_base_map(self.onto, self.onto_convention, self.onto_shown)] if self.onto else []
         outcome = bake_sequence(
             frames,
-            ViewReader(level, base_maps, self.normals_convention),
+            ViewReader(level, base_maps, self.normals_convention, self.agreed),
             baking,
             target,
             read_mesh=self.read_mesh,
             settings_fingerprint=operation_facts(
-                self, convention=target.convention, bits=str(target.bits), level=str(level)
+                self,
+                convention=target.convention,
+                bits=str(target.bits),
+                level=f"{level}{how}",
             ),
             progress=progress,
         )
@@ -549,7 +558,7 @@ class BakeViews(RunsModel, ReadsPhotos, BakesDetail):
         unset="3 for the default model",
         provenance="none",
     )
-    level: str | None = option(default="on", metavar="on|off|SCALE", help=LEVEL, numbers=True)
+    level: str | None = option(default="on", metavar="auto|on|off|SCALE", help=LEVEL, numbers=True)
     keep: str | None = option(
         default=None,
         metavar="FOLDER",
@@ -607,7 +616,7 @@ class BakeViews(RunsModel, ReadsPhotos, BakesDetail):
         with contextlib.ExitStack() as stack:
             folder = self._folder(stack)
             kept = [CachedView(folder, view.name, bool(self.white)) for view in views]
-            reader = ViewReader(level, plan.base_maps.in_photos())
+            reader = ViewReader(level, plan.base_maps.in_photos(), agreed=self.agreed)
             stored = CachedViews(kept, [view.camera for view in views], mesh, scene, reader)
             agreed = agreement(mesh, scene, FEATHER)
             known = estimate_views(

@@ -64,6 +64,7 @@ class Projector:
 
     def __init__(self, view: View, scene: RayScene, feather: float) -> None:
         self.camera = camera = view.camera
+        self.expected_error = view.normals.expected_error
         self.visibility = Visibility(camera, scene)
         away = camera.rotation.T @ (scene.middle - camera.world_from_camera[:3, 3])
         # The scene's centre in camera space, and the rotation from world to camera axes.

@@ -26,6 +26,8 @@ class Projectors:
         self.all: list[Projector] = []
         # Number of values per sample, see `Projector.sample_points`; known once views were read.
         self.values = 0
+        # Largest expected error of a view in degrees, known in the same way.
+        self.expected_error = 0.0
 
     def batches(self) -> Iterator[list[Projector]]:
         """Yield all projectors in the views' order, in batches of about HELD_BYTES. A batch is freed before the next.
@@ -45,6 +47,7 @@ class Projectors:
                     "some views have colours and others none; give colours for all of them, or for none"
                 )
             self.values = values
+            self.expected_error = max(self.expected_error, batch[-1].expected_error)
             size = _held_bytes(batch[-1])
             bytes_in_memory += size
             if number + 1 == len(self.views) == len(batch):
