@@ -275,15 +275,20 @@ class _Bake:
             fill_colours(texture.colours[..., :3], islands, texture.colours[..., 3] > 0, self._seams(texture_set))
         if not self.baking.fill:
             return texture
-        return fill_unseen(texture, islands, known, progress=part(progress, 0.6, 0.9))
+        return fill_unseen(
+            texture,
+            islands,
+            known,
+            self._seams(texture_set),
+            lambda row, column: under.frames(row, column, samples),
+            progress=part(progress, 0.6, 0.9),
+        )
 
     def _seams(self, texture_set: TextureSet) -> SeamEdges:
         """The seams of the texture set's meshes in its unit square, with the islands' numbers of :meth:`_islands`."""
         assert self.islands is not None
         first = np.cumsum([0, *(one.count for one in self.islands)])
-        uvs: NDArray[np.float64] = np.concatenate([one.seam_uvs for one in self.islands]) - np.array(
-            texture_set.corner, np.float64
-        )
+        uvs: NDArray[np.float64] = np.concatenate([one.seam_uvs for one in self.islands])
         numbered = [one.seam_islands + before for one, before in zip(self.islands, first, strict=False)]
         return SeamEdges(uvs - np.array(texture_set.corner, np.float64), np.concatenate(numbered).astype(np.int32))
 
@@ -400,6 +405,31 @@ class _RasterisedSurfaces:
         for number, surface in enumerate(self.surfaces):
             mine = np.flatnonzero(owner == number)
             yield surface, triangle.take(mine) - (ends[number] - len(surface.corners)), texels.take(mine)
+
+    def frames(
+        self, row: NDArray[np.int64], column: NDArray[np.int64], samples: int
+    ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+        """(N, 3) unit tangents and bitangents in object space at the middles of texels, zero beside the surfaces.
+
+        row, column: (N,) of the texture. samples: points of the raster across a texel.
+        """
+        width, middle = self.raster.width // samples, samples // 2
+        tangents, bitangents = np.zeros((2, len(row), 3), np.float32)
+        for band in bands(int(row.max(initial=-1)) + 1):
+            inside = np.flatnonzero((row >= band.start) & (row < band.stop))
+            if not len(inside):
+                continue
+            laid = self.raster.rows(slice(band.start * samples, band.stop * samples))
+            laid = laid[middle::samples, middle::samples]
+            texel = (row[inside] - band.start) * width + column[inside]
+            wanted, number = np.full(laid.size, -1, np.int32), np.zeros(laid.size, np.int64)
+            wanted[texel], number[texel] = laid.ravel()[texel], inside
+            for surface, triangle, texels in self.patches(wanted.reshape(laid.shape)):
+                down, right = np.divmod(texels, width)
+                place = surface.place(triangle, right * samples + middle, (down + band.start) * samples + middle)
+                for out, axis in zip((tangents, bitangents), surface.frames(place), strict=True):
+                    out[number[texels]] = axis.T
+        return tangents, bitangents
 
 
 def _warn_of_overlapping_uvs(meshes: Sequence[Mesh], texture_set: TextureSet) -> None:

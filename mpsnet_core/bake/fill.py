@@ -1,5 +1,6 @@
-"""Filling: inpaints normals where no view sees the surface from the relief around it, in each UV island separately."""
+"""Filling: continues the relief where no view sees the surface from what is around it, across seams as well."""
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -10,15 +11,13 @@ from mpsnet_core.arrays.graph_poisson import Graph, Solver, graph_of
 from mpsnet_core.arrays.mask_regions import dilated
 from mpsnet_core.arrays.row_bands import bands
 from mpsnet_core.arrays.unit_vectors import dot
-from mpsnet_core.arrays.upsample import upsampled
+from mpsnet_core.bake.fill_colours import SeamEdges, continued
 from mpsnet_core.errors import SettingsError
 from mpsnet_core.progress import Progress, part, silent
 from mpsnet_core.scene.texture import Texture
 
-# Larger textures are solved at half the size first.
-FINEST = 512
-# Texels this far from the rim keep the solution of the half-size texture.
-BAND = 4
+# (N, 3) unit tangents and bitangents in object space at texels in these rows and columns.
+Frames = Callable[[NDArray[np.int64], NDArray[np.int64]], tuple[NDArray[np.float32], NDArray[np.float32]]]
 
 
 def check_filling(space: str) -> None:
@@ -28,7 +27,13 @@ def check_filling(space: str) -> None:
 
 
 def fill_unseen(
-    texture: Texture, islands: NDArray[np.int32], known: NDArray[np.bool_], *, progress: Progress = silent
+    texture: Texture,
+    islands: NDArray[np.int32],
+    known: NDArray[np.bool_],
+    seams: SeamEdges,
+    frames: Frames,
+    *,
+    progress: Progress = silent,
 ) -> Texture:
     """Fill the unseen texels smoothly from the rim of the seen ones.
 
@@ -37,80 +42,51 @@ def fill_unseen(
     texture : Texture
         A tangent-space texture without padding.
     islands : (H, W) int32 array
-        Number of the UV island under each texel, from 0; -1 where there is none. Nothing is carried from one island to
-        another, because their tangents differ.
+        Number of the UV island under each texel, from 0; -1 where there is none.
     known : (H, W) bool array
         Fully seen texels. Partly seen ones are averaged with the mesh's own normal: they are replaced as well, although
         they count as seen.
+    seams : SeamEdges
+        Where islands meet on the surface.
+    frames : Frames
+        The surface's tangents and bitangents, which differ from island to island.
     progress : Progress
 
     Returns
     -------
     Texture
-        The texture with `filled`. Unseen texels that are not connected to a seen one are unchanged.
+        The texture with `filled`. Unseen texels that the surface does not connect to a seen one are unchanged.
 
     Notes
     -----
-    The normals' x and y solve Laplace's equation, with the rim as Dirichlet boundary and zero flux (Neumann) across the
-    islands' borders. By the maximum principle they stay within the rim's range, so a unit vector exists for each x, y.
+    What is continued is the relief, ``x T + y B``, a vector in object space, by Laplace's equation. Near the rim, x and
+    y are solved again, texel by texel. Both stay within the range of the rim: a unit vector exists for each x, y.
     """
-    xy, reached = _membrane(texture.vectors[..., :2], islands, known, progress)
+    on_islands = known & (islands >= 0)
+    if not on_islands.any():
+        return replace(texture, filled=np.zeros_like(known))
+
+    def relief(row: NDArray[np.int64], column: NDArray[np.int64]) -> NDArray[np.float32]:
+        tangent, bitangent = frames(row, column)
+        x, y = texture.vectors[row, column, :2].T[..., None]
+        return x * tangent + y * bitangent
+
+    found = continued(relief, islands, known, seams)
+    xy, reached = texture.vectors[..., :2].copy(), np.zeros_like(known)
+    for band in bands(len(islands)):
+        row, column = np.nonzero((islands[band] >= 0) & ~known[band])
+        values, touched = found.at(row + band.start, column, islands[band][row, column])
+        row, column = row[touched] + band.start, column[touched]
+        tangent, bitangent = frames(row, column)
+        xy[row, column] = np.stack([dot(values[touched], tangent), dot(values[touched], bitangent)], axis=-1)
+        reached[row, column] = True
+    if found.cells.side > 1:
+        settled = reached & ~dilated(on_islands, found.cells.side)
+        reached |= _solve(xy, islands, known | settled, progress)
     vectors, place = texture.vectors.copy(), np.nonzero(reached)
     upright = np.sqrt(np.maximum(1 - dot(xy[place], xy[place]), 0))
     vectors[place] = np.concatenate([xy[place], upright[:, None]], axis=-1)
     return replace(texture, vectors=vectors, filled=reached & ~texture.seen)
-
-
-def _membrane(
-    xy: NDArray[np.float32], islands: NDArray[np.int32], known: NDArray[np.bool_], progress: Progress
-) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
-    """(H, W, 2) the values, with unknown ones solved as in :func:`fill_unseen`, and (H, W) which of these were reached.
-
-    A large texture is solved at half the size first. That is exact enough where the solution is smooth; only bands
-    along the rim and the islands' borders are solved again.
-    """
-    xy, settled = xy.copy(), np.zeros_like(known)
-    if max(islands.shape) > FINEST:
-        coarse, blocks, even = _half_size_membrane(xy, islands, known, progress)
-        near = dilated(known, BAND)
-        height, width = islands.shape
-        for rows in bands(height):
-            over = np.arange(height)[rows] // 2
-            from_coarse = np.repeat(even[over], 2, axis=1)[:, :width] & ~near[rows]
-            from_coarse &= np.repeat(blocks[over], 2, axis=1)[:, :width] == islands[rows]
-            doubled = upsampled(coarse, (2 * len(coarse), 2 * coarse.shape[1]), rows)[:, :width]
-            xy[rows][from_coarse], settled[rows] = doubled[from_coarse], from_coarse
-    reached = _solve(xy, islands, known | settled, part(progress, 0.5, 1.0))
-    return xy, reached | settled
-
-
-def _half_size_membrane(
-    xy: NDArray[np.float32], islands: NDArray[np.int32], known: NDArray[np.bool_], progress: Progress
-) -> tuple[NDArray[np.float32], NDArray[np.int32], NDArray[np.bool_]]:
-    """:func:`_membrane` at half the size: values, islands, and whether a texel's whole neighbourhood has values and
-    lies in one island."""
-    height, width = (-(-length // 2) for length in islands.shape)
-    quarters = [np.s_[down::2, right::2] for down, right in np.ndindex(2, 2)]
-    blocks = np.full((height, width), -1, np.int32)
-    for quarter in quarters:
-        part_of = islands[quarter]
-        inside = np.s_[: part_of.shape[0], : part_of.shape[1]]
-        blocks[inside] = np.maximum(blocks[inside], part_of)
-    total, count = np.zeros((height, width, 2), np.float32), np.zeros((height, width), np.uint8)
-    for quarter in quarters:
-        part_of = islands[quarter]
-        inside = np.s_[: part_of.shape[0], : part_of.shape[1]]
-        own = known[quarter] & (part_of == blocks[inside])
-        total[inside] += np.where(own[..., None], xy[quarter], np.float32(0))
-        count[inside] += own
-    total /= np.maximum(count, 1)[..., None]
-    coarse, reached = _membrane(total, blocks, count > 0, part(progress, 0.0, 0.5))
-    valued = np.where(reached | (count > 0), blocks, np.int32(-1))
-    padded = np.pad(valued, 1, constant_values=-1)
-    even = valued >= 0
-    for down, right in np.ndindex(3, 3):
-        even &= padded[down : down + height, right : right + width] == valued
-    return coarse, blocks, even
 
 
 def _solve(

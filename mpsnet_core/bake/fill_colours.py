@@ -1,10 +1,11 @@
-"""Filling of colours where no view sees the surface: along the surface, across the seams of its UV islands.
+"""Continuation of what is known of a surface where no view sees it: along it, across the seams of its UV islands.
 
 The texture's texels are merged into cells of an island in a block of the texture. Cells are linked with their
 neighbours in the texture and with those beyond the island's seams, and Laplace's equation on this graph continues the
 known colours.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -62,6 +63,63 @@ class _Cells:
         return np.where(self.keys[place] == key, place, -1)
 
 
+@dataclass(frozen=True)
+class Continued:
+    """Values of K kinds, continued over a surface."""
+
+    cells: _Cells
+    """The cells."""
+    values: NDArray[np.float64]
+    """(N, K). The value of each."""
+    touched: NDArray[np.bool_]
+    """(N,). The cells that the surface links with a known one. The others have the mean of all known ones."""
+
+    def at(
+        self, row: NDArray[np.int64], column: NDArray[np.int64], island: NDArray[np.int32]
+    ) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
+        """(M, K) values at texels, bilinear between the cells of their island, and (M,) whether these are touched."""
+        side = self.cells.side
+        y, x = (row + 0.5) / side - 0.5, (column + 0.5) / side - 0.5
+        top, left = np.floor(y).astype(np.int64), np.floor(x).astype(np.int64)
+        total, weight = np.zeros((len(row), self.values.shape[1]), np.float32), np.full(len(row), 1e-12, np.float32)
+        touched = np.zeros(len(row), bool)
+        for down, right in np.ndindex(2, 2):
+            cell = self.cells.number(self.cells.key(top + down, left + right, island))
+            share = np.abs(1 - down - (y - top)) * np.abs(1 - right - (x - left)) * (cell >= 0) + 1e-9 * (cell >= 0)
+            total += (self.values[cell] * share[:, None]).astype(np.float32)
+            weight += share.astype(np.float32)
+            touched |= self.touched[cell] & (cell >= 0)
+        return total / weight[:, None], touched
+
+
+def continued(
+    values_at: Callable[[NDArray[np.int64], NDArray[np.int64]], NDArray[np.float32]],
+    islands: NDArray[np.int32],
+    known: NDArray[np.bool_],
+    seams: SeamEdges,
+) -> Continued:
+    """Continue what is known at texels over the surface.
+
+    values_at: (M, K) of known texels in these rows and columns, (M,) each; they must mean the same on all islands.
+    islands: (H, W), -1 where there is none. known: (H, W), somewhere on an island.
+    """
+    side = max(1, -(-max(islands.shape) // BLOCKS))
+    step = max(1, side // LOOKED_AT)
+    island = islands[::step, ::step]
+    rows, columns = np.indices(island.shape, np.int64) * step
+    cells = _Cells((len(islands), islands.shape[1]), side, int(islands.max()) + 1, np.empty(0, np.int64))
+    key = cells.key(rows // side, columns // side, island)
+    cells = replace(cells, keys=np.unique(key[key >= 0]))
+    seen = known[::step, ::step] & (key >= 0)
+    of_cell, looked_at, count = cells.number(key[seen]), values_at(rows[seen], columns[seen]), len(cells.keys)
+    amount = np.bincount(of_cell, minlength=count)
+    sums = [np.bincount(of_cell, one, count).astype(np.float64) for one in looked_at.T]
+    values: NDArray[np.float64] = np.stack(sums, axis=1) / np.maximum(amount, 1)[:, None]
+    ties = _across(seams, cells)
+    touched = _solved(values, amount > 0, cells, ties[(ties >= 0).all(axis=1) & (ties[:, 0] != ties[:, 1])])
+    return Continued(cells, values, touched)
+
+
 def fill_colours(
     colours: NDArray[np.float32], islands: NDArray[np.int32], known: NDArray[np.bool_], seams: SeamEdges
 ) -> None:
@@ -73,24 +131,10 @@ def fill_colours(
     """
     if not known.any() or (known | (islands < 0)).all():
         return
-    side = max(1, -(-max(islands.shape) // BLOCKS))
-    step = max(1, side // LOOKED_AT)
-    island, seen = islands[::step, ::step], known[::step, ::step]
-    rows, columns = np.indices(island.shape, np.int64) * step // side
-    cells = _Cells((len(islands), islands.shape[1]), side, int(islands.max()) + 1, np.empty(0, np.int64))
-    key = cells.key(rows, columns, island)
-    cells = replace(cells, keys=np.unique(key[key >= 0]))
-    of_cell = cells.number(key[seen & (key >= 0)])
-    looked_at, count = colours[::step, ::step][seen & (key >= 0)], len(cells.keys)
-    amount = np.bincount(of_cell, minlength=count)
-    sums = [np.bincount(of_cell, one, count).astype(np.float64) for one in looked_at.T]
-    values: NDArray[np.float64] = np.stack(sums, axis=1) / np.maximum(amount, 1)[:, None]
-    ties = _across(seams, cells)
-    _solved(values, amount > 0, cells, ties[(ties >= 0).all(axis=1) & (ties[:, 0] != ties[:, 1])])
+    found = continued(lambda row, column: colours[row, column], islands, known, seams)
     for band in bands(len(islands)):
-        missing = (islands[band] >= 0) & ~known[band]
-        row, column = np.nonzero(missing)
-        colours[band][missing] = _between_cells(values, cells, row + band.start, column, islands[band][missing])
+        row, column = np.nonzero((islands[band] >= 0) & ~known[band])
+        colours[band][row, column] = found.at(row + band.start, column, islands[band][row, column])[0]
 
 
 def _across(seams: SeamEdges, cells: _Cells) -> NDArray[np.int64]:
@@ -112,8 +156,13 @@ def _across(seams: SeamEdges, cells: _Cells) -> NDArray[np.int64]:
     return found
 
 
-def _solved(values: NDArray[np.float64], known: NDArray[np.bool_], cells: _Cells, ties: NDArray[np.int64]) -> None:
-    """Continue known colours (N, 3) over all cells in place. ties: (M, 2) cells that touch at seams."""
+def _solved(
+    values: NDArray[np.float64], known: NDArray[np.bool_], cells: _Cells, ties: NDArray[np.int64]
+) -> NDArray[np.bool_]:
+    """Continue known values (N, K) over all cells in place. Returns (N,) the cells that are linked with a known one.
+
+    ties: (M, 2) cells that touch at seams.
+    """
     row, column, island = cells.places()
     sides = [cells.number(cells.key(row + down, column + right, island)) for right, down in _SIDES]
     own = np.arange(len(known))
@@ -121,13 +170,14 @@ def _solved(values: NDArray[np.float64], known: NDArray[np.bool_], cells: _Cells
     part = connected(len(known), *np.concatenate([*ends, ties]).T)
     touched = np.zeros(len(known), bool)
     touched[part[known]] = True
-    mean, unknown = values[known].mean(axis=0), np.flatnonzero(touched[part] & ~known)
+    touched = touched[part]
+    mean, unknown = values[known].mean(axis=0), np.flatnonzero(touched & ~known)
     values[~known] = mean  # also of islands that nothing known touches
     if not len(unknown):
-        return
+        return touched
     place = np.full(len(known) + 1, -1, np.int32)  # the last is that of no cell
     place[unknown] = np.arange(len(unknown), dtype=np.int32)
-    hold, sums = np.zeros(len(unknown), np.float32), np.zeros((len(unknown), 3))
+    hold, sums = np.zeros(len(unknown), np.float32), np.zeros((len(unknown), values.shape[1]))
     linked = [(np.arange(len(unknown)), beside[unknown]) for beside in sides]
     linked += [(place[one], other) for one, other in (ties.T, ties[:, ::-1].T)]
     for one, other in linked:
@@ -140,25 +190,7 @@ def _solved(values: NDArray[np.float64], known: NDArray[np.bool_], cells: _Cells
     among = place[ties][(place[ties] >= 0).all(axis=1)]
     position = np.stack([row, column], axis=1)[unknown].astype(np.int32)
     solver = Solver(Graph(position, island[unknown], neighbours, weights, among, np.ones(len(among), np.float32), hold))
-    for channel in range(3):
+    for channel in range(values.shape[1]):
         begin = np.full(len(unknown), mean[channel], np.float32)
         values[unknown, channel] = solver.solve(sums[:, channel].astype(np.float32), begin)
-
-
-def _between_cells(
-    values: NDArray[np.float64],
-    cells: _Cells,
-    row: NDArray[np.int64],
-    column: NDArray[np.int64],
-    island: NDArray[np.int32],
-) -> NDArray[np.float32]:
-    """(N, 3) colours at texels, bilinear between the cells of their island."""
-    y, x = (row + 0.5) / cells.side - 0.5, (column + 0.5) / cells.side - 0.5
-    top, left = np.floor(y).astype(np.int64), np.floor(x).astype(np.int64)
-    total, weight = np.zeros((len(row), 3), np.float32), np.full(len(row), 1e-12, np.float32)
-    for down, right in np.ndindex(2, 2):
-        cell = cells.number(cells.key(top + down, left + right, island))
-        share = np.abs(1 - down - (y - top)) * np.abs(1 - right - (x - left)) * (cell >= 0) + 1e-9 * (cell >= 0)
-        total += (values[cell] * share[:, None]).astype(np.float32)
-        weight += share.astype(np.float32)
-    return total / weight[:, None]
+    return touched
