@@ -147,7 +147,7 @@ class BakesDetail(MakesTextures):
         help="fraction of the photos' relief that is added to the object's own surface: 1 as it is, 0 none",
     )
     fill: bool = option(
-        default=False, help="fill what no view sees, by continuing the relief around it smoothly within each UV island"
+        default=False, help="fill what no view sees, by continuing the relief around it smoothly along the surface"
     )
     coverage: str | None = option(
         default=None,
