@@ -1,20 +1,20 @@
 """Normal maps with a unit vector for every pixel, and their encodings in files."""
 
-import os
 import re
 from dataclasses import InitVar, dataclass, field
 from typing import ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mpsnet_core.arrays.resampling import grid_step
 from mpsnet_core.arrays.row_bands import FEW_ROWS, bands, on_all_cores
-from mpsnet_core.arrays.sampling import grid_step
+from mpsnet_core.arrays.types import F32, Bools
 from mpsnet_core.arrays.unit_vectors import normalised
 from mpsnet_core.errors import FormatError, GeometryError
 from mpsnet_core.io.from_files import takes_files
 from mpsnet_core.io.image_reading import image_description, read_channel
 from mpsnet_core.io.marks import made
+from mpsnet_core.io.opening import AnyPath
 from mpsnet_core.io.shown import Shown
 from mpsnet_core.scene.normal_encoding import SAMPLED, Convention, encode, read_vectors, write_vectors
 
@@ -43,12 +43,12 @@ class NormalMap(Shown):
 
     array_name: ClassVar[str] = "vectors"
 
-    vectors: NDArray[np.float32]
+    vectors: F32
     """(H, W, 3) float32 or float16. The normals, normalised here to unit length inside the mask, set to zero
     outside."""
-    mask: NDArray[np.bool_]
+    mask: Bools
     """(H, W) bool. The pixels that have a normal."""
-    confidence: NDArray[np.float32] = field(default_factory=lambda: np.ones((), np.float32))
+    confidence: F32 = field(default_factory=lambda: np.ones((), np.float32))
     """(H, W) of the same type. Confidence from 0 to 1, set to zero outside the mask; 1 inside it by default."""
     in_place: InitVar[bool] = False
     """Whether to overwrite the given arrays rather than copy them."""
@@ -89,12 +89,11 @@ class NormalMap(Shown):
     def expected_error(self) -> float:
         """Root mean square of the expected error in degrees; 0 where the confidence is 1."""
         # Outside the mask the confidence is 0.
-        squared = sum(
-            float(np.square(1 - self.confidence[rows], dtype=np.float32).sum()) for rows in bands(len(self.mask))
-        )
+        doubts = (1 - self.confidence[rows] for rows in bands(len(self.mask)))
+        squared = sum(float(np.square(doubt, dtype=np.float32).sum()) for doubt in doubts)
         return 90 * float(np.sqrt(max(squared - np.count_nonzero(~self.mask), 0) / np.count_nonzero(self.mask)))
 
-    def picture(self, step: int = 1) -> NDArray[np.float32]:
+    def picture(self, step: int = 1) -> F32:
         from mpsnet_core.scene.pictures import on_background
 
         return on_background(encode(self.vectors[::step, ::step]), self.mask[::step, ::step])
@@ -107,7 +106,7 @@ def stating_the_error(normals: NormalMap) -> str:
 
 @takes_files
 def write_normals(
-    path: str | os.PathLike[str],
+    path: AnyPath,
     normals: NormalMap,
     *,
     convention: Convention = "opengl",
@@ -138,9 +137,7 @@ def write_normals(
     write_vectors(path, normals.vectors, convention=convention, bits=bits, description=description, mask=normals.mask)
 
 
-def read_normals(
-    path: str | os.PathLike[str], *, convention: Convention = "opengl", confidence: str | os.PathLike[str] | None = None
-) -> NormalMap:
+def read_normals(path: AnyPath, *, convention: Convention = "opengl", confidence: AnyPath | None = None) -> NormalMap:
     """Read camera-space normals written by :func:`write_normals`, or any such map.
 
     Which level is 0 in a file of 8 bits, and how z is stored, is detected: see
@@ -190,7 +187,7 @@ def read_normals(
     return NormalMap(vectors, mask, trust, in_place=True)
 
 
-def _are_unit(vectors: NDArray[np.float32], unit: NDArray[np.bool_]) -> bool:
+def _are_unit(vectors: F32, unit: Bools) -> bool:
     """Whether most vectors, except a background of one colour, have unit length. In a photo, some do by chance."""
     step = grid_step(unit.size, SAMPLED)
     some = vectors[::step, ::step][~unit[::step, ::step]]

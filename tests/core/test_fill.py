@@ -9,7 +9,7 @@ from mesh_file import write_mesh
 from surface_shapes import camera_looking, texels_of
 from synthetic import degrees_between
 
-from mpsnet_core.bake import fill_colours
+from mpsnet_core.bake import fill
 from mpsnet_core.bake.bake import View, bake_normals, bake_texture_sets
 from mpsnet_core.bake.settings import BakeSettings
 from mpsnet_core.cli import main
@@ -62,7 +62,7 @@ def on_texels() -> np.ndarray:
 def most(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> float:
     """Degrees that the filling may err by: solved at once, and as large textures are, in blocks first."""
     blocks, degrees = request.param
-    monkeypatch.setattr(fill_colours, "BLOCKS", blocks)
+    monkeypatch.setattr(fill, "BLOCKS", blocks)
     return float(degrees)
 
 
