@@ -11,8 +11,7 @@ from mpsnet_core.bake.map_list import write_map_list
 from mpsnet_core.bake.operations import WrittenTexture
 from mpsnet_core.bake.presets import PRESETS, check_preset
 from mpsnet_core.errors import InputError
-from mpsnet_core.operation import Operation
-from mpsnet_core.operation_json import from_facts
+from mpsnet_core.operation import Operation, from_facts
 from mpsnet_core.scene.texture_names import albedo_file
 
 from ..appearance.shader_graph import normal_inputs, uses_nodes

@@ -12,8 +12,7 @@ from mpsnet_core.bake.projection import FEATHER
 from mpsnet_core.bake.settings import BakeSettings
 from mpsnet_core.bake.texture_files import TextureTarget
 from mpsnet_core.bake.view_agreement import matched_views
-from mpsnet_core.batch import Batch
-from mpsnet_core.errors import SettingsError
+from mpsnet_core.errors import Batch, SettingsError
 from mpsnet_core.io import files as disk
 from mpsnet_core.io.frames import is_folder_or_pattern, results_folder
 from mpsnet_core.io.provenance import is_up_to_date, operation_facts, provenance_line

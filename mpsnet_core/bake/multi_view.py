@@ -23,9 +23,8 @@ from mpsnet_core.bake.report import texture_maps, view_table, write_bake_report
 from mpsnet_core.capture.capture import Capture
 from mpsnet_core.capture.decode import AS_STATED, PhotoReadOptions
 from mpsnet_core.capture.masks import mask_identity
-from mpsnet_core.capture.open import PhotoSet
+from mpsnet_core.capture.open import MESH, PhotoSet, Source
 from mpsnet_core.capture.operations import ReadsPhotos
-from mpsnet_core.capture.sources import MESH, Source
 from mpsnet_core.errors import FileError
 from mpsnet_core.estimate.albedo import albedo_from_white, read_albedo
 from mpsnet_core.estimate.estimator import Estimator

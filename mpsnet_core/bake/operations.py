@@ -314,6 +314,7 @@ class BakeViews(RunsModel, ReadsPhotos, BakesDetail):
         help="cameras from photogrammetry: a COLMAP folder, Metashape's .xml, Meshroom's .sfm or a folder of "
         "NAME.camera.json",
         path="file",
+        provenance="value",
     )
     photos: str | None = optional(
         "folder of these cameras' photos",
