@@ -233,7 +233,9 @@ def bake_target(target: Any, begun: BegunMesh) -> BakeTarget:
 
 def low_frequencies(settings: Any) -> str:
     """The core's option for the size above which shapes come from the mesh instead of the photo."""
-    return f"{settings.level_scale:g}" if settings.level else "off"
+    if settings.level:
+        return f"{settings.level_scale:g}"
+    return "auto" if getattr(settings, "agreed", False) else "off"
 
 
 def target_provenance(settings: Any) -> Provenance:

@@ -100,6 +100,12 @@ class TexelSampler:
         outwards = self.outwards.take(place.triangle, axis=1)
         return SurfacePoints(self.at(place, self.position), _scaled_to_unit(normal), outwards)
 
+    def frames(self, place: Barycentric) -> tuple[F32, F32]:
+        """(3, N) unit tangents and bitangents in object space at sample points, perpendicular to the normals."""
+        normal, tangent = _scaled_to_unit(self.at(place, self.normal)), self.at(place, self.tangent)
+        tangent = _scaled_to_unit(tangent - normal * _dot(normal, tangent))
+        return tangent, self.sign.take(place.triangle) * np.cross(normal, tangent, axis=0)
+
     def encoded(self, place: Barycentric, vectors: F32, space: Space, strength: float) -> F32:
         """(3, N) unit normals in `space` from vectors (3, N) in world space; the surface's own where those are zero.
 
