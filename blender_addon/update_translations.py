@@ -19,7 +19,7 @@ import blender_addon
 from blender_addon.manual import groups, operators, shown
 from blender_addon.panels.models import NAMES as NAMES_OF_MODELS
 from blender_addon.panels.step import Kind
-from blender_addon.photo.find_lights import CHANNEL, EQUATION_2, UNEXPLAINED
+from blender_addon.photo.find_lights import CHANNEL, UNEXPLAINED
 from blender_addon.rig.light_rig import COLOURS
 from blender_addon.translations import LOCALE, one_line
 
@@ -27,7 +27,7 @@ HERE = Path(__file__).parent
 _WIDTH = 120
 # What the code hands to the panel in variables.
 _IN_VARIABLES = {
-    *(*NAMES_OF_MODELS.values(), CHANNEL, UNEXPLAINED, EQUATION_2, *COLOURS, "Slant", "Tilt"),
+    *(*NAMES_OF_MODELS.values(), CHANNEL, UNEXPLAINED, *COLOURS, "Slant", "Tilt"),
     *(kind.word for kind in Kind),
 }
 
