@@ -319,8 +319,11 @@ def _note_coinciding(boxes: Mapping[Any, NDArray[np.float64]]) -> list[Note]:
     """A sentence if two objects are at the same place; otherwise nothing."""
     for one, other in combinations(boxes, 2):
         if _coincide(boxes[one], boxes[other]):
-            words = '"%s" and "%s" are in one place and both in the photo; choose the one that is baked onto as Target '
-            return [Note(words + "of the step Bake, and it is left out", one.name, other.name, level="look")]
+            words = (
+                '"%s" and "%s" are in one place and both in the photo; choose the one that is baked onto as Target of '
+                "the step Bake, and it is left out"
+            )
+            return [Note(words, one.name, other.name, level="look")]
     return []
 
 

@@ -300,14 +300,19 @@ def doubts(capture: Capture) -> Iterator[tuple[int, str, Note]]:
             ),
         )
     elif angles is not None and angles.min() <= ALIKE:
-        words = "the %s and the %s channel show nearly the same light; check the lights' colours, and that all three "
-        yield WARN, "alike", Note(words + "are on [channels-alike]", *PAIRS[int(angles.argmin())])
+        words = (
+            "the %s and the %s channel show nearly the same light; check the lights' colours, and that all three are "
+            "on [channels-alike]"
+        )
+        yield WARN, "alike", Note(words, *PAIRS[int(angles.argmin())])
     for channel, mean in zip(CHANNELS, means, strict=True):
         if mean < BLACK * means.max():
             yield WARN, channel, Note("the %s channel is black: was its light on? [black-channel]", channel)
     if spoilt > SPOILT:
-        words = "%.0f%% of the object's pixels are saturated and therefore wrong; use a shorter exposure "
-        yield WARN, "clipped", Note(words + "[clipped-photo]", 100 * spoilt)
+        words = (
+            "%.0f%% of the object's pixels are saturated and therefore wrong; use a shorter exposure [clipped-photo]"
+        )
+        yield WARN, "clipped", Note(words, 100 * spoilt)
     if capture.white is not None and shows_another_scene(capture.image, capture.white, capture.mask):
         yield WARN, "white misfit", WHITE_MISFIT
     if capture.white_clipped is not None:
@@ -318,6 +323,8 @@ def doubts(capture: Capture) -> Iterator[tuple[int, str, Note]]:
     # A white photo removes the object's colour and the lights' relative strengths.
     alone = capture.white is None and np.array_equal(capture.rig.mixing, np.eye(3))
     if alone and means.min() > 0 and means.max() > 1.5 * means.min():
-        words = "one channel is %.1f times as bright as another: the object is coloured or the lights are unequal; the "
-        words += "default model allows for it, equation 2 (lambertian) and mpsnet only with the mixing in the rig"
+        words = (
+            "one channel is %.1f times as bright as another: the object is coloured or the lights are unequal; the "
+            "default model allows for it, equation 2 (lambertian) and mpsnet only with the mixing in the rig"
+        )
         yield INFO, "unequal", Note(words, means.max() / means.min())

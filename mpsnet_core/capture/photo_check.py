@@ -22,6 +22,7 @@ from mpsnet_core.scene.rig_check import check_rig, misfit_words
 Level = Literal["good", "watch", "bad"]
 Figures = dict[str, float | list[float]]
 LEVELS: tuple[Level, ...] = ("good", "watch", "bad")
+ITEMS = ("encoding", "exposure", "clipping", "channels", "lights", "rig", "mixing", "reach", "focus")
 
 # Pairs of limits: beyond the first the level is "watch", beyond the second "bad".
 # Exposure, as a share of full scale, or of the brightest channel if the file has no full scale.
