@@ -174,13 +174,17 @@ class Step(bpy.types.Panel):
             self.told(context, verb, notes_of(scene, verb))
 
     def told(self, context: Any, name: str, notes: Sequence[Note] = ()) -> None:
-        """A light for these notes, but for those that another step shows, and for all notes that are shown here."""
-        steps = [cls for cls in Step.__subclasses__() if cls.codes and cls.poll(context)]
-        elsewhere = {code for cls in steps for code in cls.codes if not isinstance(self, cls)}
-        here = [note for note in all_notes(context.scene.mps) if note.code in self.codes]
-        every = {note.code or note: note for note in (*notes, *here) if note.code not in elsewhere}
+        """Show a light for these notes and all others that belong here. name: of the fold."""
         groups = [getattr(context.scene.mps, step) for step in ("estimate", "bake", "views", "heights", "align")]
-        traffic_light(self.layout, name, [*every.values()], groups, folded=FOLDED)
+        traffic_light(self.layout, name, self.notes_here(context, notes), groups, folded=FOLDED)
+
+    @classmethod
+    def notes_here(cls, context: Any, notes: Sequence[Note] = ()) -> list[Note]:
+        """These notes, but for those that another step shows, and all that this step shows whatever run they are of."""
+        others = {code for step in Step.__subclasses__() if step.poll(context) for code in step.codes}
+        here = [note for note in all_notes(context.scene.mps) if note.code in cls.codes]
+        kept = [note for note in notes if note.code not in others.difference(cls.codes)]
+        return list({note.code or note: note for note in (*here, *kept)}.values())
 
     def progress_of(self, context: Any, verb: str) -> bool:
         """Show the progress of a running operator. Returns whether it runs."""

@@ -15,7 +15,7 @@ from ..image_records import from_json
 # The operators of whose last run each rig has a record of its own.
 OF_ONE_RIG = {
     *("add_rig", "render_photo", "open_photo", "superpose", "check_photo"),
-    *("show_mask", "paint_mask", "estimate", "error_map"),
+    *("show_mask", "paint_mask", "align_photo", "estimate", "error_map"),
 }
 
 
