@@ -16,6 +16,7 @@ from mpsnet_core.arrays.types import F32, F64, Bools, Floats
 from mpsnet_core.arrays.unit_vectors import angular_error, normalised
 from mpsnet_core.bake.projection import Projector, View
 from mpsnet_core.bake.texel_surface import SurfacePoints
+from mpsnet_core.errors import Note
 from mpsnet_core.scene.camera import Camera
 from mpsnet_core.scene.mesh import Mesh, join_meshes, world_from_file
 from mpsnet_core.scene.rays import RayScene, mesh_hits
@@ -213,6 +214,9 @@ def view_fit(view: View, camera: Camera, mesh: Mesh, scene: RayScene) -> ViewFit
     return ViewFit(len(normals) / len(row), float(np.degrees(np.median(np.arccos(cosine)))), explained, outlined)
 
 
+_BELONG = Note("check that camera, photo and mesh belong together, and the mesh's axes and unit (--up, --unit)")
+
+
 def warn_of_misfit(name: str, view: View, mesh: Mesh, scene: RayScene) -> None:
     """Warn if a mesh does not fit a view, or would fit far better with another axis up or in another unit."""
     found = view_fit(view, view.camera, mesh, scene)
@@ -223,19 +227,24 @@ def warn_of_misfit(name: str, view: View, mesh: Mesh, scene: RayScene) -> None:
         return
     covered = f"{100 * found.covered:.2g}%" if found.covered < 0.1 else f"{found.covered:.0%}"
     log.warning(
-        f"view {name} does not fit the mesh, which covers {covered} of what the view shows, with normals that differ "
-        f"by {found.degrees:.0f}° (median): {remedy or TOGETHER} [misfit-view]"
+        "view %s does not fit the mesh, which covers %s of what the view shows, with normals that differ by %.0f° "
+        "(median): %s [misfit-view]",
+        name,
+        f"{100 * found.covered:.2g}%" if found.covered < 0.1 else f"{found.covered:.0%}",
+        found.degrees,
+        remedy
+        or Note("check that camera, photo and mesh belong together, and the mesh's axes and unit (--up, --unit)"),
     )
 
 
-def _remedy(found: ViewFit, view: View, mesh: Mesh, scene: RayScene) -> str:
+def _remedy(found: ViewFit, view: View, mesh: Mesh, scene: RayScene) -> Note:
     """The change of the mesh's axes or unit with which it fits, "" if there is none."""
     turn = world_from_file("y", 1.0)
     tried = [
-        ("it fits if its y axis points up (--up y)", _moved(view.camera, turn, 1.0)),
-        ("it fits if its z axis points up, not y (--up z)", _moved(view.camera, np.linalg.inv(turn), 1.0)),
+        (Note("it fits if its y axis points up (--up y)"), _moved(view.camera, turn, 1.0)),
+        (Note("it fits if its z axis points up, not y (--up z)"), _moved(view.camera, np.linalg.inv(turn), 1.0)),
         *(
-            (f"it fits if its unit is {unit:.4g} times as long (--unit)", _moved(view.camera, np.eye(4), unit))
+            (Note("it fits if its unit is %.4g times as long (--unit)", unit), _moved(view.camera, np.eye(4), unit))
             for unit in UNITS
         ),
     ]
@@ -243,7 +252,7 @@ def _remedy(found: ViewFit, view: View, mesh: Mesh, scene: RayScene) -> str:
     best, words = min(fits, key=lambda one: one[0].cost)
     # Without an outline, any size fits a flat mesh.
     is_clear = best.outlined and best.explained > max(EXPLAINED, found.explained)
-    return words if is_clear and best.covered > TINY and best.cost < BETTER * found.cost else ""
+    return words if is_clear and best.covered > TINY and best.cost < BETTER * found.cost else Note("")
 
 
 def _moved(camera: Camera, turn: F64, unit: float) -> Camera:

@@ -23,9 +23,8 @@ from mpsnet_core.bake.low_frequency_correction import correct_low_frequencies
 from mpsnet_core.cli import main as mpsnet
 from mpsnet_core.scene.camera import Camera, read_camera
 from mpsnet_core.scene.mesh import Mesh
-from mpsnet_core.scene.mesh_hits import mesh_hits
 from mpsnet_core.scene.normal_map import NormalMap, read_normals
-from mpsnet_core.scene.rays import RayScene
+from mpsnet_core.scene.rays import RayScene, mesh_hits
 from tests.addon.rendering import principled
 from tests.addon.test_bake_against_blender import (
     activate,
