@@ -32,7 +32,7 @@ from ..settings.photo import PhotoSettings
 from ..settings.superpose import SuperposeSettings
 from .background_render import rendering_blender, written_job
 from .camera import PLACES, places_of
-from .studio import RenderKind, objects_in_photo, render, scene_facts
+from .studio import RenderKind, objects_in_photo, render, scene_facts, white_of
 
 _LIGHTS = ("first", "second", "third")
 
@@ -119,6 +119,11 @@ class MPS_OT_render_photo(OnEachRig, _Renders, PhotoSettings, bpy.types.Operator
         image = load_photo(Path(result["output"]), "MPS Photo Frames" if self._moves else "MPS Photo")
         remember(image, PLACES, self._places)
         _set_photo(rig, image)
+        white = str(white_of(Path(result["output"])))
+        if self.white and not self._moves:
+            rig.estimate.white, rig.estimate.albedo = white, True
+        elif rig.estimate.white == white:
+            rig.estimate.property_unset("white")
         if self._moves:
             image.source = "SEQUENCE"
         self.made(image)

@@ -9,6 +9,7 @@ from mpsnet_core.calibrate.mesh_operation import POOR
 from mpsnet_core.errors import InputError
 
 from ..bake.bake_operator import check_shows_normals
+from ..bake.before_after import draw_results
 from ..bake.unwrap import lacks_uvs, unwrap
 from ..operators.chain import Call, RunsSteps, run_operator
 from ..operators.core_run import idle
@@ -32,6 +33,7 @@ class MPS_OT_scan(RunsSteps, bpy.types.Operator):
 
     bl_idname = "mps.scan"
     bl_label = "Scan"
+    drawn = staticmethod(draw_results)
     first_message = "looking at the mesh"
 
     photo: FileSetting("Photo", "Photo of the object to open first. Empty: the one that is open")
