@@ -16,6 +16,7 @@ from babel.messages.catalog import Catalog
 from babel.messages.pofile import read_po, write_po
 
 import blender_addon
+from blender_addon.bake.before_after import KEYS, PARTS
 from blender_addon.manual import groups, operators, shown
 from blender_addon.panels.models import NAMES as NAMES_OF_MODELS
 from blender_addon.panels.step import Kind
@@ -27,6 +28,7 @@ HERE = Path(__file__).parent
 _WIDTH = 120
 # What the code hands to the panel in variables.
 _IN_VARIABLES = {
+    *(*PARTS, KEYS, "Faces", "Normals"),
     *(*NAMES_OF_MODELS.values(), CHANNEL, UNEXPLAINED, EQUATION_2, *COLOURS, "Slant", "Tilt"),
     *(kind.word for kind in Kind),
 }

@@ -12,8 +12,9 @@ import blf
 import bpy
 import gpu
 import numpy as np
+from bpy.app.translations import pgettext_iface as iface
+from gpu_extras import presets
 from gpu_extras.batch import batch_for_shader
-from gpu_extras.presets import draw_texture_2d
 from mathutils import Vector
 from numpy.typing import NDArray
 
@@ -34,8 +35,11 @@ from ..scene.mesh_file import begin_mesh
 from ..scene.objects import target_of
 from . import relight
 
+_gpu: Any = gpu  # the type stubs of both lack arguments
+_draw_picture: Any = presets.draw_texture_2d
+
 PARTS = ("Photo", "Mesh", "Mesh with Texture")
-_KEYS = "Move the mouse: light.  Drag: dividers.  Esc: end"
+KEYS = "Move the mouse: light.  Drag: dividers.  Esc: end"
 # Of the viewport beside its bars: the share of the pictures' column.
 _COLUMN = 0.2
 # The lamp is at the horizon where the mouse is this share of the viewport's height from its middle.
@@ -90,13 +94,13 @@ def draw_results() -> None:
         height = min(width * image.size[1] / image.size[0], (high - low) / 2 - 8 * gap)
         across = height * image.size[0] / image.size[1]
         with suppress(RuntimeError, ValueError):  # its file is gone
-            texture = gpu.texture.from_image(image)
+            texture = _gpu.texture.from_image(image)
             gpu.state.blend_set("ALPHA")
             linear = not image.colorspace_settings.is_data
             corner = (left + gap, top - height)
-            draw_texture_2d(texture, corner, across, height, is_scene_linear_with_rec709_srgb_target=linear)
+            _draw_picture(texture, corner, across, height, is_scene_linear_with_rec709_srgb_target=linear)
             gpu.state.blend_set("NONE")
-            draw_text((left + gap, top - height - 14 * scale), label, OPEN)
+            draw_text((left + gap, top - height - 14 * scale), iface(label), OPEN)
             top -= height + 3 * gap
 
 
@@ -129,7 +133,7 @@ def corners_of(mesh: Mesh, texture: Any) -> dict[str, NDArray[np.float32]]:
 
     "first", "second" and "third" are the axes that the texture's red, green and blue stand for. texture: the image.
     """
-    turn = mesh.normals_to_world()
+    turn = mesh.normals_to_world
     normals, tangents = mesh.corner_normals.reshape(-1, 3), mesh.tangents.reshape(-1, 4)
     if remembered(texture, "space") == "OBJECT":
         axes = [np.broadcast_to(axis, normals.shape) @ turn for axis in np.eye(3)]
@@ -140,7 +144,7 @@ def corners_of(mesh: Mesh, texture: Any) -> dict[str, NDArray[np.float32]]:
     if remembered(texture, "convention") == "DIRECTX":
         axes[1] = -axes[1]
     named = dict(zip(("first", "second", "third"), axes, strict=True))
-    place = mesh.world_vertices()[mesh.triangles].reshape(-1, 3)
+    place = mesh.world_vertices[mesh.triangles].reshape(-1, 3)
     return {"place": place, "normal": normalised(normals @ turn), **named, "uv": mesh.uvs.reshape(-1, 2)}
 
 
@@ -155,13 +159,13 @@ def in_photo(camera: Camera, places: NDArray[np.floating[Any]], normals: NDArray
 
 
 def _shader() -> Any:
-    interface = gpu.types.GPUStageInterfaceInfo("mps_before_after")
+    interface = _gpu.types.GPUStageInterfaceInfo("mps_before_after")
     for kind, name in (
         *(("VEC3", name) for name in ("at", "way", "across", "along", "out_of", "on_photo")),
         ("VEC2", "on_texture"),
     ):
         interface.smooth(kind, name)
-    info = gpu.types.GPUShaderCreateInfo()
+    info = _gpu.types.GPUShaderCreateInfo()
     info.push_constant("MAT4", "seen")
     for name in ("lamp", "viewer", "ends"):
         info.push_constant("VEC4", name)
@@ -173,12 +177,12 @@ def _shader() -> Any:
     info.fragment_out(0, "VEC4", "colour")
     info.vertex_source(_VERTEX)
     info.fragment_source(_FRAGMENT)
-    return gpu.shader.create_from_info(info)
+    return _gpu.shader.create_from_info(info)
 
 
 def _plain(*colour: float) -> Any:
     """A texture of one colour."""
-    return gpu.types.GPUTexture((1, 1), format="RGBA32F", data=gpu.types.Buffer("FLOAT", 4, [*colour, 1.0]))
+    return _gpu.types.GPUTexture((1, 1), format="RGBA32F", data=_gpu.types.Buffer("FLOAT", 4, [*colour, 1.0]))
 
 
 @dataclass(eq=False)
@@ -233,11 +237,11 @@ class _Comparison:
         region, view = context.region, context.region_data
         size = _FINER * region.width, _FINER * region.height
         if self.canvas is None or (self.canvas.width, self.canvas.height) != size:
-            self.canvas = gpu.types.GPUOffScreen(*size)
+            self.canvas = _gpu.types.GPUOffScreen(*size)
         inverse = view.view_matrix.inverted()
         viewer = (*inverse.translation, 1) if view.is_perspective else (*inverse.col[2][:3], 0)
         with self.canvas.bind():
-            gpu.state.active_framebuffer_get().clear(color=_BACKGROUND, depth=1.0)
+            _gpu.state.active_framebuffer_get().clear(color=_BACKGROUND, depth=1.0)
             gpu.state.depth_test_set("LESS")
             gpu.state.depth_mask_set(True)
             gpu.state.blend_set("NONE")
@@ -253,7 +257,7 @@ class _Comparison:
             self.batch.draw(shader)
             gpu.state.depth_test_set("NONE")
             gpu.state.depth_mask_set(False)
-        draw_texture_2d(self.canvas.texture_color, (0, 0), region.width, region.height)
+        _draw_picture(self.canvas.texture_color, (0, 0), region.width, region.height)
         self._draw_titles(context)
         draw_results()
 
@@ -266,7 +270,7 @@ class _Comparison:
         blf.size(0, 14 * scale)
         for title, start, end in zip(self.titles, ends, ends[1:], strict=False):
             draw_text(((start + end - blf.dimensions(0, title)[0]) / 2, high - 26 * scale), title, OPEN)
-        draw_text((ends[0] + 12 * scale, low + 14 * scale), _KEYS, OPEN)
+        draw_text((ends[0] + 12 * scale, low + 14 * scale), iface(KEYS), OPEN)
 
 
 _running: list[_Comparison] = []
@@ -315,7 +319,7 @@ class MPS_OT_before_after(ReportingOperator, bpy.types.Operator):
         self._comparison = _comparison(context, area, target)
         self._comparison.begin()
         context.window_manager.modal_handler_add(self)
-        context.workspace.status_text_set(_KEYS)
+        context.workspace.status_text_set(iface(KEYS))
         redraw_panels(context.window_manager)
         area.tag_redraw()
 
@@ -376,29 +380,31 @@ def _comparison(context: Any, area: Any, target: Any) -> _Comparison:
             camera = read_camera(folder / "camera.json")
             corners["shot"] = in_photo(camera, places, corners["normal"] @ np.linalg.inv(stood[:3, :3]))
     try:
-        textures = {what: gpu.texture.from_image(image) for what, image in images.items()}
+        textures = {what: _gpu.texture.from_image(image) for what, image in images.items()}
     except RuntimeError as error:
         raise InputError(f"Blender cannot show a texture: {error}") from None
     textures.setdefault("albedo", _plain(0.3, 0.3, 0.3))
-    shader, batch = _shader(), {name: values.astype(np.float32) for name, values in corners.items()}
-    titles = [f"{title}, {len(target.data.polygons):,} faces" if title == "Mesh" else title for title in PARTS]
+    shader = _shader()
+    batch: dict[str, Any] = {name: values.astype(np.float32) for name, values in corners.items()}
+    photo_title, plain, textured = map(iface, PARTS)
+    titles = [photo_title, f"{plain}, {len(target.data.polygons):,} {iface('Faces')}", textured]
     return _Comparison(
         area.as_pointer(),
         shader,
         batch_for_shader(shader, "TRIS", batch),
         textures,
         titles if "photo" in textures else titles[1:],
-        _thirds(area, target) if "photo" in textures else [0.5],
+        _dividers(area, target) if "photo" in textures else [0.5],
         (-0.5, 0.5),
     )
 
 
-def _thirds(area: Any, target: Any) -> list[float]:
-    """Where an object's middle third begins and ends, from 0 to 1 across the viewport."""
+def _dividers(area: Any, target: Any) -> list[float]:
+    """Where an object's second quarter begins and ends, from 0 to 1 across the viewport."""
     view = area.spaces.active.region_3d.perspective_matrix
     seen = [seen_at(target.matrix_world @ Vector(corner), view, (1, 1)) for corner in target.bound_box]
     across = np.clip([place[0] for place in seen if place is not None] or [0, 1], 0, 1)
-    return [float(across.min() + share * np.ptp(across)) for share in (1 / 3, 2 / 3)]
+    return [float(across.min() + share * np.ptp(across)) for share in (1 / 4, 1 / 2)]
 
 
 def unregister() -> None:

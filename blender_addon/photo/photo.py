@@ -160,7 +160,7 @@ class MPS_OT_open_photo(ReportingOperator, bpy.types.Operator):
         if not self.filepath:
             raise InputError("no photo was named; give its path as filepath")
         path = Path(bpy.path.abspath(self.filepath))
-        image = load_photo(path, path.stem) if _is_shown_as_read(path) else load_converted(path)
+        image = load_any_photo(path)
         if self.sequence and path.suffix.lower() not in VIDEO_SUFFIXES:
             frame_pattern(path)  # raises without a frame number
             image.source = "SEQUENCE"
@@ -241,6 +241,11 @@ def _is_shown_as_read(path: Path) -> bool:
     if suffix in (*RAW_SUFFIXES, *HEIF_SUFFIXES):
         return False
     return suffix not in IMAGE_SUFFIXES or read_orientation(path) == 1
+
+
+def load_any_photo(path: Path) -> bpy.types.Image:
+    """An image that shows a photo as the core reads it."""
+    return load_photo(path, path.stem) if _is_shown_as_read(path) else load_converted(path)
 
 
 def load_converted(path: Path) -> bpy.types.Image:

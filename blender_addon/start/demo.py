@@ -39,7 +39,9 @@ def remove_demo(scene: Any, made: Sequence[Any]) -> None:
     remove_rig(scene)
     settings = scene.mps
     # Normals refer to their photo, which counts as a user.
-    pictures = [one for one in (settings.bake.image, settings.estimate.image, settings.photo.image) if one is not None]
+    estimate = settings.estimate
+    images = settings.bake.image, estimate.image, estimate.albedo_image, settings.photo.image
+    pictures = [one for one in images if one is not None]
     meshes = {obj.data for obj in made}
     materials = {material for mesh in meshes for material in mesh.materials if material}
     bpy.data.batch_remove(made)

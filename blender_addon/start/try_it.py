@@ -1,4 +1,4 @@
-"""Try It: the four steps on a new scene, without any files."""
+"""Try It: the four steps on a new scene, without any files, and what they are worth."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -21,8 +21,8 @@ from ..settings.declared import FolderSetting
 from .demo import make_demo, remove_demo
 
 # The view from the front, a little to the right and above, at a distance that shows the whole object.
-_LOOK = Euler((math.radians(80), 0, math.radians(20))).to_quaternion()
-_AWAY = 4.2
+_LOOK = Euler((math.radians(82), 0, math.radians(14))).to_quaternion()
+_AWAY = 3.6
 
 # Stored with the demo: the scene that was shown before.
 _BEFORE = "mpsnet_before"
@@ -30,7 +30,7 @@ _BEFORE = "mpsnet_before"
 
 class MPS_OT_try_it(RunsSteps, bpy.types.Operator):
     """See all steps in a new scene: an object, its photo under three coloured lights, the normals estimated
-    from it, and a low-poly copy that uses them. Takes seconds to half a minute and changes nothing of yours"""
+    from it, and a low-poly copy before and after. Takes seconds to half a minute and changes nothing of yours"""
 
     bl_idname = "mps.try_it"
     bl_label = "Try It"
