@@ -25,6 +25,8 @@ _NAMES = (
     *("settings.estimate", "settings.bake", "settings.heights", "settings.displace", "settings.views"),
     *("settings.material", "settings.samples", "settings.record", "settings.relight", "settings.scene"),
     *("settings.unknown", "preferences", "settings.choices", "presets", "operators.reporting", "operators.core_run"),
+    "operators.show_image",
+    "operators.choose_file",
     *("rig.rig", "rig.several_rigs", "rig.light_preview"),
     *("photo.photo", "photo.align", "photo.pick_points", "photo.check", "photo.look_through"),
     *("photo.find_lights", "photo.paint_mask", "estimate.estimate", "estimate.error_map"),

@@ -5,7 +5,7 @@ from typing import Any
 
 from mpsnet_core.errors import InputError
 
-from ..bake.bake import NO_CAMERA
+from ..bake.bake import NO_CAMERA, POOR_FIT
 from ..bake.bake_operator import check_shows_normals
 from ..bake.base_maps import usable_maps
 from ..bake.before_after import comparing
@@ -17,10 +17,9 @@ from ..photo.camera import chosen_camera
 from ..rig.light_rig import rig_camera
 from ..scene.mesh_file import slot_labels
 from ..scene.objects import check_in_scene, target_of
-from ..settings.record import error_of
+from ..settings.record import error_of, notes_of
 from .photo_inputs import lacks_file, lacks_named
 from .step import Step, target_name
-from .text import across_sidebar, wrapped
 
 
 class MPS_PT_bake(Step):
@@ -37,15 +36,19 @@ class MPS_PT_bake(Step):
         normals = context.scene.mps.estimate.image
         moves = normals is not None and normals.source == "SEQUENCE" and "animated"
         target = bake.objects == "ACTIVE" and "target"
-        several = bool(context.scene.mps.rigs) and "all_rigs"
+        several = len(context.scene.mps.rigs) > 1 and "all_rigs"
         self.column(bake, "objects", target, "preset", "size", moves, several, target=target_name(context))
         if lacks_uvs(target_of(context)):
             self.layout.operator("mps.unwrap", icon="UV")
             self.failure(context.scene, "unwrap")
+        photo = context.scene.mps.estimate.image and context.scene.mps.estimate.image.mps.photo
+        if photo and photo.mps.poor and not notes_of(context.scene, "bake"):
+            self.told(context, "fit", [POOR_FIT])
         self.progress_or(context, "bake", "TEXTURE")
         offer_anyway(self.layout, context.scene, "bake")
         if bake.image and hides_materials(context.space_data):
-            wrapped(self.layout, "This viewport's shading hides the texture. Material Preview shows it", icon="INFO")
+            show = self.layout.operator("wm.context_set_enum", text="Show in Viewport", icon="SHADING_TEXTURE")
+            show.data_path, show.value = "space_data.shading.type", "MATERIAL"
         lit = context.scene.mps.relight.lamp is not None
         if bake.image or lit or bake.overlays:
             row = self.layout.row(align=True)
@@ -54,7 +57,7 @@ class MPS_PT_bake(Step):
             self.layout.operator("mps.before_after", icon="SPLIT_VERTICAL", depress=comparing())
             for verb in ("relight", "show_coverage", "before_after"):
                 self.failure(context.scene, verb)
-        self.picture(bake.image, across_sidebar())
+        self.picture(bake.image)
 
 
 def offer_anyway(layout: Any, scene: Any, verb: str) -> None:

@@ -19,6 +19,7 @@ from ..child_process.trust import blocked_scripts_note
 from ..image_records import origin, read_sidecar, remember
 from ..images import frame_pattern, load_photo
 from ..openimageio import load_openimageio
+from ..operators.choose_file import remember_folder, start_folder
 from ..operators.core_run import RunsCore
 from ..operators.progress import cursor_progress
 from ..operators.reporting import ReportingOperator
@@ -151,8 +152,8 @@ class MPS_OT_open_photo(ReportingOperator, bpy.types.Operator):
     def invoke(self, context: Any, event: bpy.types.Event) -> set[Any]:
         if self.filepath:  # by drag and drop
             return self.execute(context)
-        if (photo := context.scene.mps.photo.image) is not None:  # the next one is probably beside it
-            self.filepath = f"{origin(photo).parent}{os.sep}"
+        photo = context.scene.mps.photo.image
+        self.filepath = start_folder(context, str(origin(photo)) if photo else "")  # the next one is probably beside it
         context.window_manager.fileselect_add(self)
         return {"RUNNING_MODAL"}
 
@@ -160,6 +161,7 @@ class MPS_OT_open_photo(ReportingOperator, bpy.types.Operator):
         if not self.filepath:
             raise InputError("no photo was named; give its path as filepath")
         path = Path(bpy.path.abspath(self.filepath))
+        remember_folder(self.filepath)
         image = load_any_photo(path)
         if self.sequence and path.suffix.lower() not in VIDEO_SUFFIXES:
             frame_pattern(path)  # raises without a frame number

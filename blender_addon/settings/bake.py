@@ -11,7 +11,6 @@ from mpsnet_core.defaults import LEVEL_SCALE, MARGIN, MAX_LEVEL_SCALE, MAX_TEXTU
 
 from ..outputs import FORMAT_OF
 from .declared import (
-    OWN_SENSE,
     BoolSetting,
     EnumSetting,
     FloatSetting,
@@ -23,6 +22,7 @@ from .declared import (
     items_of,
     object_pointer,
 )
+from .messages import OWN_SENSE
 
 # The bit depths of each format.
 _BITS = {"PNG": {"AUTO", "8", "16"}, "TIFF": {"AUTO", "8", "16", "32"}, "EXR": {"AUTO", "16", "32"}}

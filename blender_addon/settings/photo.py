@@ -74,6 +74,8 @@ def _photo_chosen(photo: Any, context: Any) -> None:
     estimate.painted_mask = now.mps.painted_mask
     if (checked := owner.records.find("check_photo")) >= 0:
         owner.records.remove(checked)
+    for record in owner.records:  # what they say is of the photo before
+        record.notes = ""
 
 
 class MPS_PG_photo(PhotoSettings, bpy.types.PropertyGroup):

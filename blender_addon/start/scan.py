@@ -10,7 +10,7 @@ from bpy_extras.view3d_utils import region_2d_to_origin_3d, region_2d_to_vector_
 
 from mpsnet_core.calibrate.mesh_operation import POOR
 from mpsnet_core.capture.colourfulness import colourfulness
-from mpsnet_core.errors import InputError
+from mpsnet_core.errors import InputError, Note
 from mpsnet_core.io.files import PHOTO_SUFFIXES
 
 from ..bake.bake_operator import check_shows_normals
@@ -80,7 +80,10 @@ class MPS_OT_scan(RunsSteps, bpy.types.Operator):
             run_operator(bpy.ops.mps.open_photo, filepath=self.photo)
         if self.white:
             scene.mps.estimate.white = self.white
-            self.note(f"{Path(self.white).name} is taken as the white photo, {Path(self.photo).name} as the photo")
+            words = Note("%s is taken as the white photo: it is the less colourful one", Path(self.white).name)
+            if self.files:
+                self._store_record(notes=[words])
+                self.tell(str(words))
         if self.target:
             scene.mps.bake.target = find_object(scene, self.target)
         self.refuse_lacking(context)

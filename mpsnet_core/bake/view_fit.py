@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from mpsnet_core.arrays.upsample import chosen_pixels, reduced_shape
 from mpsnet_core.bake.projection import View
+from mpsnet_core.errors import Note
 from mpsnet_core.scene.camera import Camera
 from mpsnet_core.scene.mesh import Mesh, world_from_file
 from mpsnet_core.scene.mesh_hits import mesh_hits
@@ -88,18 +89,19 @@ def warn_of_misfit(name: str, view: View, mesh: Mesh, scene: RayScene) -> None:
         name,
         f"{100 * found.covered:.2g}%" if found.covered < 0.1 else f"{found.covered:.0%}",
         found.degrees,
-        remedy or "check that camera, photo and mesh belong together, and the mesh's axes and unit (--up, --unit)",
+        remedy
+        or Note("check that camera, photo and mesh belong together, and the mesh's axes and unit (--up, --unit)"),
     )
 
 
-def _remedy(found: ViewFit, view: View, mesh: Mesh, scene: RayScene) -> str:
+def _remedy(found: ViewFit, view: View, mesh: Mesh, scene: RayScene) -> Note:
     """The change of the mesh's axes or unit with which it fits, "" if there is none."""
     turn = world_from_file("y", 1.0)
     tried = [
-        ("it fits if its y axis points up (--up y)", _moved(view.camera, turn, 1.0)),
-        ("it fits if its z axis points up, not y (--up z)", _moved(view.camera, np.linalg.inv(turn), 1.0)),
+        (Note("it fits if its y axis points up (--up y)"), _moved(view.camera, turn, 1.0)),
+        (Note("it fits if its z axis points up, not y (--up z)"), _moved(view.camera, np.linalg.inv(turn), 1.0)),
         *(
-            (f"it fits if its unit is {unit:.4g} times as long (--unit)", _moved(view.camera, np.eye(4), unit))
+            (Note("it fits if its unit is %.4g times as long (--unit)", unit), _moved(view.camera, np.eye(4), unit))
             for unit in UNITS
         ),
     ]
@@ -107,7 +109,7 @@ def _remedy(found: ViewFit, view: View, mesh: Mesh, scene: RayScene) -> str:
     best, words = min(fits, key=lambda one: one[0].cost)
     # Without an outline, any size fits a flat mesh.
     is_clear = best.outlined and best.explained > max(EXPLAINED, found.explained)
-    return words if is_clear and best.covered > TINY and best.cost < BETTER * found.cost else ""
+    return words if is_clear and best.covered > TINY and best.cost < BETTER * found.cost else Note("")
 
 
 def _moved(camera: Camera, turn: NDArray[np.float64], unit: float) -> Camera:

@@ -233,7 +233,7 @@ def _warn_of_doubts(sightings: Sequence[Sighting]) -> None:
                 )
     by_lens = max(float(sighting.by_lens().max()) for sighting in sightings)
     if by_lens:
-        log.info(
+        log.warning(
             "the camera is assumed far away; give its lens (--focal, --camera): one of %g mm would make these "
             "directions wrong by up to %.1f°, which their uncertainty includes",
             USUAL_LENS,

@@ -420,7 +420,7 @@ def _checked(found: MixingFound) -> MixingFound:
             100 * found.residual,
         )
     if np.abs(found.ambient).max() > AMBIENT:
-        log.info(
+        log.warning(
             "there is ambient light, %.0f%% as bright as the brightest lamp: darken the room, or subtract a "
             "photo with the lamps off [room-light]",
             100 * np.abs(found.ambient).max(),

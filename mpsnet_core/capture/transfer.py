@@ -54,16 +54,17 @@ def warn_of_transfer_curve(name: str, assumed: Assumed, *, decided: bool) -> Non
     other = other_encoding(assumed)
     usual, likely = WORDS[assumed], "sRGB" if other == "srgb" else "LINEAR"
     if decided:
-        words = (
-            f"was READ AS {likely}, because read as {usual} its normals would fit no single surface; if it is {usual}, "
+        log.warning(
+            "%s does not state its colour encoding and was READ AS %s, because read as %s its normals would fit no "
+            "single surface; if it is %s, set the encoding to %s (--encoding) [transfer-curve]",
+            *(name, likely, usual, usual, assumed),
         )
-        words += f"set the encoding to {assumed} (--encoding {assumed})"
     else:
-        words = (
-            f"was read as {usual}, but MAY BE {likely}; if so, set the encoding to {other} (--encoding {other}): the "
+        log.warning(
+            "%s does not state its colour encoding and was read as %s, but MAY BE %s; if so, set the encoding to %s "
+            "(--encoding): the wrong curve turns normals by ten degrees and more [transfer-curve]",
+            *(name, usual, likely, other),
         )
-        words += "wrong curve turns normals by ten degrees and more"
-    log.warning("%s does not state its colour encoding and %s [transfer-curve]", name, words)
 
 
 def evidence_for_linear(

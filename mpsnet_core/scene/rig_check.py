@@ -22,6 +22,7 @@ from mpsnet_core.arrays.orientation import (
     probabilities,
 )
 from mpsnet_core.arrays.unit_vectors import dot, normalised
+from mpsnet_core.errors import Note
 from mpsnet_core.io.image import CHANNELS
 from mpsnet_core.scene.rig import LightRig
 
@@ -152,11 +153,12 @@ def warn_of_wrong_rig(pixels: NDArray[np.floating[Any]], mask: NDArray[np.bool_]
         log.warning("%s%s", which, misfit_words(better))
 
 
-def misfit_words(better: str) -> str:
+def misfit_words(better: str) -> Note:
     """A sentence on a rig that does not fit. better: as in :class:`RigFit`."""
-    return (
-        f"the rig does not fit the photo: by its shading, {better}; correct the rig file, or use the photo as the "
-        "camera took it [wrong-rig]"
+    return Note(
+        "the rig does not fit the photo: by its shading, %s; correct the rig file, or use the photo as the camera took "
+        "it [wrong-rig]",
+        better,
     )
 
 

@@ -189,7 +189,7 @@ def _log_uvs_outside_tiles(meshes: Sequence[Mesh], where: str, width: int, heigh
     if count:
         total = sum(len(mesh.triangles) for mesh in meshes)
         tiles = "" if width * height > 1 else "; bake UDIM tiles (<UDIM> in the file's name) to have them too"
-        log.info(
+        log.warning(
             "%d of %d triangles have UVs outside %s, which the texture does not reach%s", count, total, where, tiles
         )
 

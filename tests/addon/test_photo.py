@@ -346,11 +346,11 @@ def test_files_that_are_gone_are_reported_with_the_photo(sphere, scene, tmp_path
             sphere.active_material.node_tree.nodes.new("ShaderNodeTexImage").image = image
         (tmp_path / name).unlink()
     bpy.ops.mps.render_photo(width=16, height=16, samples=1, output=str(tmp_path / "photo.exr"))
-    told = scene.mps.records["render_photo"].notes
+    (told,) = notes_of(scene, "render_photo")
     assert told == "not found, and what they bring may be missing from the render: gone.png"
     write_image(tmp_path / "gone.png", np.zeros((4, 4, 3), np.float32))
     bpy.ops.mps.render_photo(output=str(tmp_path / "photo.exr"))
-    assert not scene.mps.records["render_photo"].notes
+    assert not notes_of(scene, "render_photo")
 
 
 def test_the_white_photo_is_what_the_photo_would_be_under_white_lights(sphere, scene, tmp_path):
