@@ -17,8 +17,8 @@ from babel.messages.catalog import Catalog
 from babel.messages.pofile import read_po, write_po
 
 import blender_addon
-from blender_addon.bake.before_after import KEYS, PARTS
 import mpsnet_core
+from blender_addon.bake.before_after import KEYS, PARTS
 from blender_addon.manual import groups, operators, shown
 from blender_addon.panels.models import NAMES as NAMES_OF_MODELS
 from blender_addon.panels.step import Kind

@@ -106,6 +106,13 @@ def test_the_white_photo_is_known_by_its_colours_in_whatever_order_they_are_drop
     assert set(bpy.data.images) == before
 
 
+def test_dropped_pictures_are_the_photo_and_its_white_photo(scene, pictures):
+    photo, white = pictures
+    with pytest.raises(RuntimeError, match="select the mesh object"):
+        bpy.ops.mps.scan(directory=str(photo.parent), files=[{"name": white.name}, {"name": photo.name}])
+    assert scene.mps.photo.image.filepath == str(photo) and scene.mps.estimate.white == str(white)
+
+
 def test_pictures_that_are_no_photo_with_its_white_photo_are_refused(pictures):
     photo, white = pictures
     bpy.ops.mesh.primitive_uv_sphere_add()
