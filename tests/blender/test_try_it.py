@@ -67,7 +67,7 @@ def test_try_it_ends_in_before_and_after_and_then_in_relight(unfolded, album):
         "light that follows the mouse",
     )
     assert changed(1.5) < 500
-    window.photograph(album / "try_it_end.png", beside=EDITORS)
+    window.photograph(album / "tour_try_it.png", beside=EDITORS)
     # A divider that is dragged to the right uncovers the plain mesh, which has no colours.
     colourful = np.ptp(lit[1], axis=-1).mean()
     window.input("mousemove", right - 200, top + 550, "mousedown", 1, "sleep", "0.3")
@@ -82,7 +82,7 @@ def test_try_it_ends_in_before_and_after_and_then_in_relight(unfolded, album):
     window.see(lambda: changed(1.5), lambda pixels: pixels > 5000, "lamp that swings")
     assert (window.state["objects"], window.state["images"], window.state["nodes"]) == before
     assert not any(window.state["errors"].values())
-    window.photograph(album / "tour_try_it.png", "MPS_PT_start", "MPS_PT_rig", "MPS_PT_photo")
+    window.photograph(album / "tour_relight.png", "MPS_PT_start", "MPS_PT_rig", "MPS_PT_photo")
     window.photograph(album / "tour_estimate.png", "MPS_PT_photo", "MPS_PT_estimate")
     window.photograph(album / "tour_bake.png", "MPS_PT_bake")
     window.click(*window.find("mps.relight", below=100, at=0.25))
