@@ -86,7 +86,7 @@ def main() -> None:
         mask,
     )
     titles = [
-        "the one photo",
+        "the photo",
         "estimated normals",
         "true normals",
         f"error, mean {mean:.2f}°",
