@@ -38,10 +38,10 @@ class MPS_OT_try_it(RunsSteps, bpy.types.Operator):
     first_message = "making an object"
 
     pixels: IntProperty(
-        name="Photo Size", description="Width and height of the demo's photo in pixels", default=448, min=32, max=4096
+        name="Photo Size", description="Width and height of the demo's photo in pixels", default=400, min=32, max=4096
     )
     samples: IntProperty(
-        name="Samples", description="Cycles samples a pixel for each of the three lights", default=8, min=1, max=4096
+        name="Samples", description="Cycles samples a pixel for each of the three lights", default=6, min=1, max=4096
     )
     size: IntProperty(
         name="Texture Size",
