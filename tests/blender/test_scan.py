@@ -41,6 +41,8 @@ DECOY = """
 with bpy.context.temp_override(window=bpy.context.window_manager.windows[0]):
     bpy.ops.mesh.primitive_cube_add(location=(0, 90, 0))
     bpy.context.object.name = "decoy"
+view = next(area for area in bpy.data.screens["Layout"].areas if area.type == "VIEW_3D").spaces.active.region_3d
+view.view_location, view.view_distance = (0, 0, 0), 6
 """
 TARGET = """
 mps = bpy.context.scene.mps
@@ -65,15 +67,16 @@ def imported(window: Window, folder) -> None:
 def test_a_photo_and_its_white_photo_dropped_on_a_mesh_are_scanned_onto_it(window, album, tmp_path):
     imported(window, tmp_path)
     window.ask("run", DECOY)
-    left, top = window.state["sidebar"][:2]
-    window.input("mousemove", left // 2 - 5, top + 360, "sleep", "1", "mousemove", left // 2, top + 360, "sleep", "1")
+    left, top, width, height = window.state["sidebar"]
+    x, y = (left + width) // 2, top + height // 2
+    window.input("mousemove", x - 5, y, "sleep", "1", "mousemove", x, y, "sleep", "1")
     drop = {"folder": str(tmp_path), "names": ["photo.exr", "white.exr"]}
     before = window.screenshot()
     window.ask("run", DROP.format(operator="wm.drop_import_file", **drop))
     window.see(lambda: (abs(window.screenshot() - before) > 0.1).sum(), lambda changed: changed > 3000, "menu")
     window.photograph(album / "drop_menu.png")  # Blender's own image drop is still there
     window.input("key", "Escape", "sleep", "1")
-    window.input("mousemove", left // 2 - 5, top + 360, "sleep", "1", "mousemove", left // 2, top + 360, "sleep", "1")
+    window.input("mousemove", x - 5, y, "sleep", "1", "mousemove", x, y, "sleep", "1")
     window.ask("run", DROP.format(operator="mps.scan", **drop))
     window.wait(lambda state: state["running"] == "MPS_OT_align_photo", "search of the camera")
     window.ask("run", TARGET.format(told=str(tmp_path / "told")))
