@@ -136,7 +136,7 @@ def _do(verb: str, options: dict[str, Any], reporter: Reporter) -> None:
     result = _result(verb, every_rig=options.get("all_rigs", False))
     if reporter.style == "json":
         saved = str(Path(save).resolve()) if save else None
-        print_json(result={"command": verb.replace("_", "-"), **result, "notes": notes.notes, "saved": saved})
+        print_json(result=notes.added_to({"command": verb.replace("_", "-"), **result, "saved": saved}))
         return
     print(f"{COMMAND}: {verb.replace('_', '-')} done{_listed(result['written'])}")  # noqa: T201
     if save:

@@ -20,6 +20,7 @@ import blender_addon
 import mpsnet_core
 from blender_addon.bake.before_after import KEYS, PARTS
 from blender_addon.manual import groups, operators, shown
+from blender_addon.panels.lights import NO_RIG
 from blender_addon.panels.models import NAMES as NAMES_OF_MODELS
 from blender_addon.panels.step import Kind
 from blender_addon.panels.traffic_light import LIGHTS
@@ -42,7 +43,7 @@ _IN_VARIABLES = {
     *(*PARTS, KEYS, "Faces", "Normals"),
     *(*NAMES_OF_MODELS.values(), CHANNEL, UNEXPLAINED, *COLOURS, "Slant", "Tilt"),
     *(kind.word for kind in Kind),
-    *(word for word, _ in LIGHTS.values()),
+    *(NO_RIG, *(word for word, _ in LIGHTS.values())),
     # Values of notes.
     *(*CHANNELS, *SIDES, *TURN_WORDS, *WORDS, *ITEMS),
 }

@@ -21,7 +21,7 @@ from pathlib import Path
 import numpy as np
 
 from mpsnet_core import Capture, InputError, LightRig, NormalMap, angular_error, estimate_normals, read_image, read_mask
-from mpsnet_core.arrays.rank_correlation import rank_correlation
+from mpsnet_core.arrays.statistics import rank_correlation
 from mpsnet_core.calibrate.lights import find_lights
 from mpsnet_core.calibrate.photos import BallPhotos, read_sightings
 from mpsnet_core.capture.decode import PhotoReadOptions

@@ -17,7 +17,7 @@ from mpsnet_core.estimate.registry import DEFAULT_MODEL
 from mpsnet_core.io.image_writing import write_picture
 from mpsnet_core.relief.material.material import Material, flat_material
 from mpsnet_core.relief.material.material_files import PREVIEW_LIGHT, repeated_picture, write_material
-from mpsnet_core.relief.material.seam import measure_seam
+from mpsnet_core.relief.material.tiling import measure_seam
 from mpsnet_core.relief.relight import relit
 from mpsnet_core.scene.normal_encoding import encode
 from mpsnet_core.scene.pictures import contact_sheet, photo_picture

@@ -105,6 +105,16 @@ def option(
     return field(default=default, kw_only=True, metadata={_METADATA: described})
 
 
+def optional(help: str, **more: Any) -> Any:
+    """An option that is None by default. more: as for :func:`option`."""
+    return option(default=None, help=help, **more)
+
+
+def output_option(help: str, *, metavar: str = "FILE", **more: Any) -> Any:
+    """An option for what is written if it is asked for, which the provenance of results does not record."""
+    return option(default=None, help=help, metavar=metavar, provenance="none", **more)
+
+
 @dataclass(frozen=True)
 class Setting:
     """An option of an operation, with its name and type."""
@@ -169,7 +179,7 @@ def _plain_data(value: Any) -> Any:
     return _facts(value) if dataclasses.is_dataclass(value) else value
 
 
-@dataclass_transform(kw_only_default=True, frozen_default=True, field_specifiers=(option,))
+@dataclass_transform(kw_only_default=True, frozen_default=True, field_specifiers=(option, optional, output_option))
 @dataclass(frozen=True)
 class Operation:
     """One task with all its inputs and settings. :meth:`run` carries it out.

@@ -8,8 +8,8 @@ import bpy
 from mathutils import Matrix
 
 from mpsnet_core.bake.map_list import write_map_list
+from mpsnet_core.bake.operations import WrittenTexture
 from mpsnet_core.bake.presets import PRESETS, check_preset
-from mpsnet_core.bake.written_texture import WrittenTexture
 from mpsnet_core.errors import InputError, Note
 from mpsnet_core.operation import Operation
 from mpsnet_core.operation_json import from_facts

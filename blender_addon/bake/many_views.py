@@ -11,9 +11,8 @@ from mathutils import Matrix
 
 from mpsnet_core.bake.operations import BakeViews
 from mpsnet_core.errors import InputError, SettingsError
-from mpsnet_core.scene.rig import write_rig
+from mpsnet_core.scene.rig import in_world, write_rig, write_world_lights
 from mpsnet_core.scene.view_files import write_views
-from mpsnet_core.scene.world_lights import in_world, write_world_lights
 
 from ..image_records import origin, remembered
 from ..images import image_file
@@ -103,8 +102,7 @@ class MPS_OT_bake_views(BakeOperator, ViewsSettings, bpy.types.Operator):
                 raise SettingsError("where are the photos of these cameras? Choose their folder")
             return bpy.path.abspath(self.cameras), bpy.path.abspath(self.photos)
         load_openimageio()  # not needed at Blender's start
-        from mpsnet_core.scene.photogrammetry import PosedPhoto, as_displayed
-        from mpsnet_core.scene.photogrammetry.lens import Lens
+        from mpsnet_core.scene.photogrammetry.posed_photo import Lens, PosedPhoto, as_displayed
 
         views, found = [], _with_photos(scene)
         names = [obj.name for obj, _ in found]

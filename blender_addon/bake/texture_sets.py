@@ -11,7 +11,7 @@ from typing import Any
 
 import bpy
 
-from mpsnet_core.bake.written_texture import WrittenTexture
+from mpsnet_core.bake.operations import WrittenTexture
 from mpsnet_core.errors import GeometryError
 
 from ..appearance.nodes import with_nodes

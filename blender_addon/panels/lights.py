@@ -2,6 +2,8 @@
 
 from typing import Any
 
+from bpy.app.translations import pgettext_iface as iface
+
 from mpsnet_core.errors import Note
 from mpsnet_core.scene.rig import LightRig
 
@@ -11,6 +13,9 @@ from ..rig.light_rig import COLOURS
 from ..settings.messages import OWN_SENSE
 from .photo_inputs import lights_of
 from .step import Step, target_name
+from .text import wrapped
+
+NO_RIG = "No rig needed: the photo shows its lights"
 
 
 class MPS_PT_lights(Step):
@@ -37,7 +42,7 @@ class MPS_PT_lights(Step):
         doubts = [Note(text, level="look") for text in (lights.lacks, lights.doubt) if text]
         self.told(context, "lights", doubts)
         if lights.error is not None:
-            self.layout.label(text="No rig needed: the photo shows its lights", icon="INFO")
+            wrapped(self.layout, iface(NO_RIG), icon="INFO")
         if lights.rig is not None:
             light_table(self.layout, lights.rig)
 

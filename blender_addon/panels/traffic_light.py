@@ -24,6 +24,8 @@ LIGHTS = {
     "look": ("Have a Look", "STRIP_COLOR_03"),
     "stop": ("Stop", "STRIP_COLOR_01"),
 }
+# Options that help with what a note is about, where it names none.
+_MENDED_BY = {"doubtful-mask": ["mask"], "no-mask": ["mask"]}
 
 
 def worst(notes: Iterable[Note]) -> str:
@@ -46,17 +48,19 @@ def traffic_light(layout: Any, name: str, notes: Sequence[Note], groups: Sequenc
     read = row.operator("mps.read_notes", text=word, icon=icon, emboss=False)
     read.sentences = "\n".join(map(sentence, notes))
     for note in notes if body else ():
-        wrapped(body, sentence(note), icon=LIGHTS[note.level][1])
+        page = explanation(note.code)
+        words = sentence(note).replace(f" [{note.code}]", "") if page else sentence(note)
+        wrapped(body, words, icon=LIGHTS[note.level][1])
         column = body.column()
         column.use_property_split, column.use_property_decorate = True, False
         for group, setting in _fields(note, groups):
             column.prop(group, setting)
-        if note.level != "good" and (page := explanation(note.code)):
+        if note.level != "good" and page:
             body.operator("wm.url_open", text="Read More", icon="HELP").url = page
 
 
 def _fields(note: Note, groups: Sequence[Any]) -> Iterable[tuple[Any, str]]:
-    for option in options_in(note):
+    for option in (*options_in(note), *_MENDED_BY.get(note.code, ())):
         places = ((group, option_of_setting(group, option)) for group in groups)
         yield from [(group, setting) for group, setting in places if setting][:1]
 

@@ -18,8 +18,7 @@ from mathutils import Matrix
 from numpy.typing import NDArray
 
 from mpsnet_core.errors import GeometryError
-from mpsnet_core.scene.joined_mesh import join_meshes
-from mpsnet_core.scene.mesh import Mesh
+from mpsnet_core.scene.mesh import Mesh, join_meshes
 
 from ..appearance.modifiers import DISPLACE, SMOOTHNESS, SUBDIVISION, find_modifier
 from .surfaces import SURFACES, world_scale

@@ -1,14 +1,11 @@
 """Crests: where a gradient is steepest across an edge."""
 
-from typing import Any
-
 import numpy as np
-from numpy.typing import NDArray
 
-Floats = NDArray[np.floating[Any]]
+from mpsnet_core.arrays.types import Bools, Floats
 
 
-def crests(steep: Floats, down: Floats, across: Floats) -> NDArray[np.bool_]:
+def crests(steep: Floats, down: Floats, across: Floats) -> Bools:
     """(H, W) non-maximum suppression of a gradient, along the axis it mostly points along.
 
     steep: (H, W) its length. down, across: (H, W) its components.

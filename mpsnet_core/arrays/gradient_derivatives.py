@@ -1,14 +1,11 @@
 """Derivatives of a surface's gradients. If their curl is zero, the normals are integrable to a surface."""
 
-from typing import Any
-
 import numpy as np
-from numpy.typing import NDArray
+
+from mpsnet_core.arrays.types import Bools, Floats
 
 
-def gradient_derivatives(
-    normals: NDArray[np.floating[Any]], usable: NDArray[np.bool_], min_facing: float
-) -> tuple[NDArray[np.floating[Any]], NDArray[np.floating[Any]]]:
+def gradient_derivatives(normals: Floats, usable: Bools, min_facing: float) -> tuple[Floats, Floats]:
     """Derivatives of the gradients along x, (N, 2), and along y, (N, 2), in all cells of four usable pixels.
 
     normals: (H, W, 3) unit vectors. Those with z up to `min_facing` have no reliable gradients and are left out.

@@ -13,9 +13,9 @@ import logging
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from mpsnet_core.arrays.connected_components import connected
+from mpsnet_core.arrays.mask_regions import connected
+from mpsnet_core.arrays.types import F32, F64, I32, I64
 from mpsnet_core.progress import Progress, silent
 
 log = logging.getLogger(__name__)
@@ -30,38 +30,36 @@ DAMPING = 0.8
 TOLERANCE = 1e-4
 MAX_STEPS = 200
 
-Vector = NDArray[np.float32]
-
 
 @dataclass(frozen=True)
 class Graph:
     """The connections of N unknowns in the texture's cells: to grid neighbours, and by M ties between any two."""
 
-    cells: NDArray[np.int32]
+    cells: I32
     """(N, 2). Row and column."""
-    islands: NDArray[np.int32]
+    islands: I32
     """(N,). UV islands."""
-    neighbours: NDArray[np.int32]
+    neighbours: I32
     """(4, N). The unknown to the right, below, to the left and above; its own index if there is none."""
-    weights: Vector
+    weights: F32
     """(4, N). Weights of these links; 0 if there is none."""
-    ties: NDArray[np.int32]
+    ties: I32
     """(M, 2). The two unknowns of each tie."""
-    tie_weights: Vector
+    tie_weights: F32
     """(M,). Weights of the ties."""
-    hold: Vector
+    hold: F32
     """(N,). Weights of h² itself."""
 
-    def diagonal(self) -> Vector:
+    def diagonal(self) -> F32:
         """(N,) the diagonal of the normal equations' matrix."""
-        total: Vector = self.weights.sum(axis=0) + self.hold
+        total: F32 = self.weights.sum(axis=0) + self.hold
         for end in self.ties.T:
             np.add.at(total, end, self.tie_weights)
         return total
 
-    def times(self, heights: Vector, diagonal: Vector) -> Vector:
+    def times(self, heights: F32, diagonal: F32) -> F32:
         """(N,) the normal equations' matrix times `heights`."""
-        out: Vector = diagonal * heights
+        out: F32 = diagonal * heights
         for neighbour, weight in zip(self.neighbours, self.weights, strict=True):
             out -= weight * heights[neighbour]
         one, other = self.ties.T
@@ -69,7 +67,7 @@ class Graph:
         np.subtract.at(out, other, self.tie_weights * heights[one])
         return out
 
-    def right_side(self, right: Vector, below: Vector, across: Vector) -> Vector:
+    def right_side(self, right: F32, below: F32, across: F32) -> F32:
         """(N,) the right side of the normal equations for known differences: to the neighbours on the right and below,
         (N,) each, and over the ties, (M,), from the first to the second."""
         out = np.zeros(len(self.islands), np.float32)
@@ -82,7 +80,7 @@ class Graph:
         return out
 
 
-def graph_of(islands: NDArray[np.int32], ties: NDArray[np.int32], hold: Vector) -> Graph:
+def graph_of(islands: I32, ties: I32, hold: F32) -> Graph:
     """The graph of a texture's N covered texels in row-major order.
 
     islands: (S, S) the island of each texel, -1 for none. ties: (M, 2). hold: (N,).
@@ -119,7 +117,7 @@ class Solver:
         last = self.levels[-1].graph
         self.inverse = _pseudo_inverse(last) if len(last.islands) <= DIRECT else None
 
-    def solve(self, right_side: Vector, start: Vector, progress: Progress = silent) -> Vector:
+    def solve(self, right_side: F32, start: F32, progress: Progress = silent) -> F32:
         """(N,) the heights. start: initial guess.
 
         Flexible conjugate gradients (Notay 2000): the cycle in float32 is not quite symmetric.
@@ -150,13 +148,13 @@ class Solver:
             log.warning("the solution has not converged: %d iterations were too few", MAX_STEPS)
         return heights
 
-    def _cycle(self, number: int, residual: Vector) -> Vector:
+    def _cycle(self, number: int, residual: F32) -> F32:
         """One V-cycle from zero: smoothing, correction from the coarser level, smoothing."""
         level = self.levels[number]
         if level.parent is None and self.inverse is not None:
             return (self.inverse @ residual).astype(np.float32)
-        damped: Vector = np.divide(np.float32(DAMPING), np.maximum(level.diagonal, np.float32(1e-12)))
-        heights: Vector = damped * residual
+        damped: F32 = np.divide(np.float32(DAMPING), np.maximum(level.diagonal, np.float32(1e-12)))
+        heights: F32 = damped * residual
         if level.parent is not None:
             coarse = self.levels[number + 1].graph
             rest = residual - level.graph.times(heights, level.diagonal)
@@ -172,13 +170,13 @@ class _Level:
 
     graph: Graph
     """The connections on this level."""
-    diagonal: Vector
+    diagonal: F32
     """(N,). The diagonal of the graph's matrix."""
-    parent: NDArray[np.int64] | None
+    parent: I64 | None
     """(N,). Each unknown's index on the coarser level; None on the coarsest."""
 
 
-def _parents(graph: Graph) -> NDArray[np.int64]:
+def _parents(graph: Graph) -> I64:
     """(N,) the coarse unknown of each: one per island and 2 x 2 cells. If every island is a single unknown, those that
     share most of a seam are merged."""
     cells = graph.cells.astype(np.int64) // 2
@@ -193,13 +191,12 @@ def _parents(graph: Graph) -> NDArray[np.int64]:
     return _numbered(connected(len(cells), np.arange(len(cells)), best))
 
 
-def _numbered(labels: NDArray[np.int64]) -> NDArray[np.int64]:
+def _numbered(labels: I64) -> I64:
     """(N,) the labels' ranks, from 0 without gaps."""
-    ranks: NDArray[np.int64] = np.unique(labels, return_inverse=True)[1].reshape(-1)
-    return ranks
+    return np.unique(labels, return_inverse=True)[1].reshape(-1)
 
 
-def _coarser(graph: Graph, parent: NDArray[np.int64]) -> Graph:
+def _coarser(graph: Graph, parent: I64) -> Graph:
     count = int(parent.max()) + 1
     cells, islands = np.empty((count, 2), np.int32), np.empty(count, np.int32)
     cells[parent], islands[parent] = graph.cells // 2, graph.islands
@@ -216,7 +213,7 @@ def _coarser(graph: Graph, parent: NDArray[np.int64]) -> Graph:
     return Graph(cells, islands, neighbours, weights, ties, weight, hold)
 
 
-def _merged(ties: NDArray[np.int64], weights: Vector, count: int) -> tuple[NDArray[np.int32], Vector]:
+def _merged(ties: I64, weights: F32, count: int) -> tuple[I32, F32]:
     """Merge ties between the same two unknowns, and drop those from one to itself."""
     distinct = ties[:, 0] != ties[:, 1]
     keys, which = np.unique(ties[distinct, 0] * count + ties[distinct, 1], return_inverse=True)
@@ -224,7 +221,7 @@ def _merged(ties: NDArray[np.int64], weights: Vector, count: int) -> tuple[NDArr
     return np.stack(np.divmod(keys, count), axis=1).astype(np.int32), summed
 
 
-def _pseudo_inverse(graph: Graph) -> NDArray[np.float64]:
+def _pseudo_inverse(graph: Graph) -> F64:
     """(N, N) the pseudo-inverse of the matrix, which gives parts without hold a mean of 0."""
     count = len(graph.islands)
     matrix = np.diag(graph.diagonal().astype(np.float64))
@@ -236,5 +233,5 @@ def _pseudo_inverse(graph: Graph) -> NDArray[np.float64]:
     return np.linalg.pinv(matrix, rcond=1e-6, hermitian=True).astype(np.float64, copy=False)
 
 
-def _dot(one: Vector, other: Vector) -> float:
+def _dot(one: F32, other: F32) -> float:
     return float(np.einsum("i,i->", one, other, dtype=np.float64))

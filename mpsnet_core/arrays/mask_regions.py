@@ -1,19 +1,43 @@
-"""Connected regions, holes and morphology of masks; box filters."""
+"""Connected components of graphs."""
 
 from collections.abc import Callable
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from mpsnet_core.arrays.connected_components import connected
 from mpsnet_core.arrays.row_bands import bands
+from mpsnet_core.arrays.types import F64, I32, I64, Bools, Floats
+
+
+def connected(count: int, one: I64, other: I64) -> I64:
+    """(count,) the smallest node of each node's connected component, given the edges (one, other).
+
+    Union-find, all edges at a time.
+
+    >>> connected(5, np.array([4, 1]), np.array([2, 2])).tolist()
+    [0, 1, 1, 3, 1]
+    """
+    root = np.arange(count)
+    while True:
+        a, b = root[one], root[other]
+        separate = a != b
+        if not separate.any():
+            return root
+        one, other = one[separate], other[separate]
+        a, b = a[separate], b[separate]
+        np.minimum.at(root, np.maximum(a, b), np.minimum(a, b))
+        while not np.array_equal(root, root[root]):
+            root = root[root]
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Connected regions, holes and morphology of masks; box filters.
+
 
 # Maps regions' labels (H, W) and sizes to (regions + 1,) which of them to select.
-Chosen = Callable[[NDArray[np.int32], NDArray[np.int64]], NDArray[np.bool_]]
+Chosen = Callable[[I32, I64], Bools]
 
 
-def labelled(mask: NDArray[np.bool_], *, diagonal: bool = False) -> tuple[NDArray[np.int32], NDArray[np.int64]]:
+def labelled(mask: Bools, *, diagonal: bool = False) -> tuple[I32, I64]:
     """The mask's connected regions.
 
     diagonal: whether pixels that touch at a corner are connected as well.
@@ -37,19 +61,17 @@ def labelled(mask: NDArray[np.bool_], *, diagonal: bool = False) -> tuple[NDArra
     return labels, np.concatenate([[mask.size - sizes.sum()], sizes])
 
 
-def bounding_box(mask: NDArray[np.bool_], margin: int = 0) -> tuple[slice, slice]:
+def bounding_box(mask: Bools, margin: int = 0) -> tuple[slice, slice]:
     """The rows and columns of the bounding box of a non-empty mask, with a margin in pixels.
 
     They are slices, whose stop may be beyond the image.
     """
     rows, columns = (np.flatnonzero(mask.any(axis=axis)).tolist() for axis in (1, 0))
-    return (
-        slice(max(rows[0] - margin, 0), rows[-1] + margin + 1),
-        slice(max(columns[0] - margin, 0), columns[-1] + margin + 1),
-    )
+    first, last = max(rows[0] - margin, 0), max(columns[0] - margin, 0)
+    return slice(first, rows[-1] + margin + 1), slice(last, columns[-1] + margin + 1)
 
 
-def remove_small_regions(mask: NDArray[np.bool_], min_size: float) -> NDArray[np.bool_]:
+def remove_small_regions(mask: Bools, min_size: float) -> Bools:
     """The mask's connected regions of at least `min_size` pixels."""
     labels, sizes = labelled(mask)
     large = sizes >= min_size
@@ -57,12 +79,12 @@ def remove_small_regions(mask: NDArray[np.bool_], min_size: float) -> NDArray[np
     return large[labels]
 
 
-def fill_small_holes(mask: NDArray[np.bool_], max_size: float) -> NDArray[np.bool_]:
+def fill_small_holes(mask: Bools, max_size: float) -> Bools:
     """The mask with holes of at most `max_size` pixels filled: background that does not reach the image's border."""
     return fill_holes(mask, lambda labels, sizes: sizes <= max_size)
 
 
-def fill_holes(mask: NDArray[np.bool_], chosen: Chosen) -> NDArray[np.bool_]:
+def fill_holes(mask: Bools, chosen: Chosen) -> Bools:
     """The mask with the holes filled that `chosen` selects from :func:`labelled`'s labels and sizes."""
     labels, sizes = labelled(~mask, diagonal=True)
     hole = chosen(labels, sizes)
@@ -72,7 +94,7 @@ def fill_holes(mask: NDArray[np.bool_], chosen: Chosen) -> NDArray[np.bool_]:
     return hole[labels]
 
 
-def dilated(mask: NDArray[np.bool_], pixels: int) -> NDArray[np.bool_]:
+def dilated(mask: Bools, pixels: int) -> Bools:
     """The mask (H, W) or (H, W, C) dilated by a square of 2 pixels + 1."""
     for axis in (0, 1):
         grown = np.empty(mask.shape, bool)
@@ -87,7 +109,7 @@ def dilated(mask: NDArray[np.bool_], pixels: int) -> NDArray[np.bool_]:
     return mask
 
 
-def box_sums(values: NDArray[np.floating[Any]], reach: int) -> NDArray[np.float64]:
+def box_sums(values: Floats, reach: int) -> F64:
     """(H, W) sums over the square of 2 reach + 1 pixels around each pixel, zero beyond the edges."""
     sums = values.astype(np.float64)
     width = 2 * reach + 1
@@ -97,14 +119,12 @@ def box_sums(values: NDArray[np.floating[Any]], reach: int) -> NDArray[np.float6
     return sums
 
 
-def eroded(mask: NDArray[np.bool_], pixels: int) -> NDArray[np.bool_]:
+def eroded(mask: Bools, pixels: int) -> Bools:
     """The mask eroded by a square of 2 pixels + 1; beyond the image's border counts as inside."""
     return ~dilated(~mask, pixels)
 
 
-def _touching(
-    starts: NDArray[np.int64], ends: NDArray[np.int64], stride: int, reach: int
-) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+def _touching(starts: I64, ends: I64, stride: int, reach: int) -> tuple[I64, I64]:
     """Pairs of runs that touch from one row to the next, as two arrays of their indices."""
     # For each run, those a row above that end after its start and start before its end.
     first = np.searchsorted(ends, starts - stride - reach, side="right")

@@ -5,33 +5,21 @@ turns bumps into hollows. But at an object's outline before its background, norm
 """
 
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from mpsnet_core.arrays.block_means import block_means
-from mpsnet_core.arrays.gaussian import gaussian
 from mpsnet_core.arrays.gradient_derivatives import gradient_derivatives
 from mpsnet_core.arrays.mask_regions import bounding_box, eroded
+from mpsnet_core.arrays.resampling import block_means, gaussian
 from mpsnet_core.arrays.row_bands import bands
+from mpsnet_core.arrays.types import F32, F64, Bools, Floats
 from mpsnet_core.arrays.unit_vectors import dot
 
 # (8, 2, 2) what x and y may be turned by: nothing, mirrored in x, in y, turned by 180°, by 90° counter-clockwise and
 # clockwise, exchanged, exchanged and reversed.
-TURNS = np.array(
-    [
-        [[1, 0], [0, 1]],
-        [[-1, 0], [0, 1]],
-        [[1, 0], [0, -1]],
-        [[-1, 0], [0, -1]],
-        [[0, -1], [1, 0]],
-        [[0, 1], [-1, 0]],
-        [[0, 1], [1, 0]],
-        [[0, -1], [-1, 0]],
-    ],
-    np.float64,
-)
+_ALONG, _ACROSS = [[1, 0, 0, 1], [-1, 0, 0, 1], [1, 0, 0, -1], [-1, 0, 0, -1]], [[0, -1, 1, 0], [0, 1, -1, 0]]
+TURNS = np.array([*_ALONG, *_ACROSS, [0, 1, 1, 0], [0, -1, -1, 0]], np.float64).reshape(8, 2, 2)
 SAME, HALF_TURN = 0, 3
 # The object is divided into blocks: number along the side of a square of its area, pixels to use along a block's side,
 # and least number of blocks in all.
@@ -57,24 +45,24 @@ WHOLE = 0.999  # least share of a block inside the object
 class Outline(NamedTuple):
     """The outline of an object before its background."""
 
-    rim: NDArray[np.bool_]
+    rim: Bools
     """(H, W). Blocks of the object at the outline."""
-    outwards: NDArray[np.float64]
+    outwards: F64
     """(H, W, 2). Unit vectors across it to the background, y up."""
 
 
 class Blocks(NamedTuple):
     """An object in an image, reduced to blocks."""
 
-    values: NDArray[np.float64]
+    values: F64
     """(h, w, C). Means of the blocks."""
-    whole: NDArray[np.bool_]
+    whole: Bools
     """(h, w). Blocks that are completely inside the object."""
     outline: Outline
     """The object's outline, in blocks."""
 
 
-def blocks_of(values: NDArray[np.floating[Any]], mask: NDArray[np.bool_]) -> Blocks | None:
+def blocks_of(values: Floats, mask: Bools) -> Blocks | None:
     """The object of an image (H, W, C) and its mask (H, W) in blocks; None if it is too small."""
     side = np.sqrt(np.count_nonzero(mask)) / BLOCKS
     thin = max(1, int(side / BLOCK_PIXELS))
@@ -85,7 +73,7 @@ def blocks_of(values: NDArray[np.floating[Any]], mask: NDArray[np.bool_]) -> Blo
     border = [(part.start == 0, part.stop >= size) for part, size in zip(box, mask.shape, strict=True)]
     values, inside, factor = values[::thin, ::thin][box], mask[box][..., None], max(1, round(side / thin))
 
-    def means_of(rows: slice) -> NDArray[np.float32]:
+    def means_of(rows: slice) -> F32:
         pixels = np.where(inside[rows], values[rows], 0).astype(np.float32)
         return block_means(np.concatenate([pixels, inside[rows]], axis=-1, dtype=np.float32), factor)
 
@@ -97,7 +85,7 @@ def blocks_of(values: NDArray[np.floating[Any]], mask: NDArray[np.bool_]) -> Blo
     return Blocks(means[..., :-1].astype(np.float64), whole, outline_of(covered, border))
 
 
-def outline_of(covered: NDArray[np.floating[Any]], border: Sequence[tuple[bool, bool]]) -> Outline:
+def outline_of(covered: Floats, border: Sequence[tuple[bool, bool]]) -> Outline:
     """The outline of an object that covers shares (H, W) of blocks.
 
     border: for rows and columns, whether the first and the last one are at the photo's border, where the object goes
@@ -118,9 +106,7 @@ def outline_of(covered: NDArray[np.floating[Any]], border: Sequence[tuple[bool, 
     return Outline(rim, outwards / np.maximum(steep, TINY)[..., None])
 
 
-def orientation_measures(
-    normals: NDArray[np.floating[Any]], usable: NDArray[np.bool_], outline: Outline
-) -> NDArray[np.float64]:
+def orientation_measures(normals: Floats, usable: Bools, outline: Outline) -> F64:
     """(8, 4) measures of normals (H, W, 3), turned by each of :data:`TURNS`; their order is that of :data:`WEIGHTS`.
 
     usable: (H, W) where normals are as good as they can be; the curl is measured there.
@@ -146,7 +132,7 @@ def orientation_measures(
     return measures
 
 
-def _outwardness(normals: NDArray[np.floating[Any]], outline: Outline) -> NDArray[np.float64]:
+def _outwardness(normals: Floats, outline: Outline) -> F64:
     """(2, 2) mean products of the normals' x and y with the directions outwards.
 
     The mean is over sectors of directions; those without an outline count as 0.
@@ -161,7 +147,7 @@ def _outwardness(normals: NDArray[np.floating[Any]], outline: Outline) -> NDArra
     return np.asarray((sums / np.maximum(counts, PER_SECTOR)[:, None, None]).mean(axis=0))
 
 
-def probabilities(measures: NDArray[np.float64]) -> NDArray[np.float64]:
+def probabilities(measures: F64) -> F64:
     """(N,) of candidates with measures (N, 4), one of which is right."""
     # Steep normals at the outline, as those of round objects, count more than their share.
     scores = np.concatenate([measures[:, :1] * np.abs(measures[:, :1]), measures[:, 1:]], axis=1) @ WEIGHTS
@@ -169,6 +155,6 @@ def probabilities(measures: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.asarray(shares / shares.sum())
 
 
-def is_round(measures: NDArray[np.float64]) -> bool:
+def is_round(measures: F64) -> bool:
     """Whether a candidate's measures (4,) are those of a round object, which tells it from itself turned by 180°."""
     return bool(measures[0] >= ROUND[0] and measures[3] >= ROUND[1])

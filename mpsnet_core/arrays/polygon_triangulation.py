@@ -3,15 +3,15 @@
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mpsnet_core.arrays.types import F64, I64, Bools
 from mpsnet_core.arrays.unit_vectors import dot
 
 # Pairs of corners that ear clipping tests at once: few enough to stay in a CPU core's cache.
 CORNERS_AT_ONCE = 1 << 15
 
 
-def strip_triangles(strip: NDArray[np.int64]) -> NDArray[np.int64]:
+def strip_triangles(strip: I64) -> I64:
     """(T, 3) the triangles of a strip of vertices (N,), all of one orientation. A negative number ends a strip.
 
     Triangles with a repeated vertex, which only lead from one part of a strip to the next, are left out.
@@ -25,11 +25,11 @@ def strip_triangles(strip: NDArray[np.int64]) -> NDArray[np.int64]:
     odd = (first - begun[first]) % 2
     triangles = strip[np.stack([first, first + 1 + odd, first + 2 - odd], axis=1)]
     a, b, c = triangles.T
-    kept: NDArray[np.bool_] = (triangles >= 0).all(axis=1) & (a != b) & (b != c) & (c != a)
+    kept: Bools = (triangles >= 0).all(axis=1) & (a != b) & (b != c) & (c != a)
     return np.compress(kept, triangles, axis=0)
 
 
-def triangulated(places: NDArray[np.float64], sizes: NDArray[np.int64]) -> NDArray[np.int64]:
+def triangulated(places: F64, sizes: I64) -> I64:
     """(T, 3) corner indices of the triangulated polygons, in the polygons' order.
 
     places: (C, 3) positions of the corners, polygon after polygon. sizes: (F,) corners per polygon. Concave polygons
@@ -40,7 +40,7 @@ def triangulated(places: NDArray[np.float64], sizes: NDArray[np.int64]) -> NDArr
     is_second = np.ones(len(places), bool)
     is_second[starts] = is_second[ends - 1] = False
     second = np.flatnonzero(is_second)
-    triangles: NDArray[np.int64] = np.stack([starts[polygon[second]], second, second + 1], axis=1)
+    triangles: I64 = np.stack([starts[polygon[second]], second, second + 1], axis=1)
 
     ahead, behind = np.arange(len(places)) + 1, np.arange(len(places)) - 1
     ahead[ends - 1], behind[starts] = starts, ends - 1
@@ -56,7 +56,7 @@ def triangulated(places: NDArray[np.float64], sizes: NDArray[np.int64]) -> NDArr
     return triangles
 
 
-def _cut_ears(places: NDArray[np.float64], normal: NDArray[np.float64]) -> NDArray[np.int64]:
+def _cut_ears(places: F64, normal: F64) -> I64:
     """(N - 2, 3) triangles of one polygon (N, 3) by ear clipping, seen along its normal.
 
     An ear is a convex corner whose triangle with its two neighbours contains no other corner. Each round cuts off all
@@ -65,20 +65,18 @@ def _cut_ears(places: NDArray[np.float64], normal: NDArray[np.float64]) -> NDArr
     along = int(np.argmax(np.abs(normal)))
     flat = places[:, [(along + 1) % 3, (along + 2) % 3]] * [1, np.sign(normal[along])]
 
-    def doubled_area(a: NDArray[np.float64], b: NDArray[np.float64], c: NDArray[np.float64]) -> NDArray[np.float64]:
+    def doubled_area(a: F64, b: F64, c: F64) -> F64:
         (x, y), (to_x, to_y) = np.moveaxis(b - a, -1, 0), np.moveaxis(c - a, -1, 0)
-        area: NDArray[np.float64] = x * to_y - y * to_x
-        return area
+        return x * to_y - y * to_x
 
-    def is_free(triangles: NDArray[np.float64], others: NDArray[np.float64]) -> NDArray[np.bool_]:
+    def is_free(triangles: F64, others: F64) -> Bools:
         """(E,) whether no other corner (O, 2) is in a triangle (E, 3, 2)."""
         behind, ear, ahead = np.moveaxis(triangles[:, None], 2, 0)
         within = np.ones((len(triangles), len(others)), bool)
         for a, b in ((behind, ear), (ear, ahead), (ahead, behind)):
             within &= doubled_area(a, b, others) >= 0
             within &= (others != a).any(axis=-1)  # a point may occur twice, where a bridge edge leads to a hole
-        free: NDArray[np.bool_] = ~within.any(axis=1)
-        return free
+        return ~within.any(axis=1)
 
     left, triangles = np.arange(len(flat)), []
     is_ear, changed = np.zeros(len(flat), bool), left  # a cut changes its two neighbours alone

@@ -1,11 +1,9 @@
 """Rasterising triangles to texels; dilating textures past the borders of UV islands."""
 
-from typing import Any
-
 import numpy as np
-from numpy.typing import NDArray
 
 from mpsnet_core.arrays.row_bands import ROWS, bands, on_all_cores
+from mpsnet_core.arrays.types import F32, F64, I32, I64, Bools, Floats
 
 # Triangles of a smaller area, in texels, are degenerate.
 NO_AREA = 1e-9
@@ -21,22 +19,22 @@ def width_and_height(size: TextureSize) -> tuple[int, int]:
     return (size, size) if isinstance(size, int) else size
 
 
-def texel_coordinates(uvs: NDArray[np.floating[Any]], size: TextureSize) -> NDArray[np.float64]:
+def texel_coordinates(uvs: Floats, size: TextureSize) -> F64:
     """UVs (..., 2) as texel coordinates: x right, y down, whole numbers at texel centres, row 0 at v = 1."""
     width, height = width_and_height(size)
     u, v = uvs[..., 0].astype(np.float64), uvs[..., 1].astype(np.float64)
     return np.stack([u * width - 0.5, (1 - v) * height - 0.5], axis=-1)
 
 
-def texel_areas(corners: NDArray[np.floating[Any]]) -> NDArray[np.float64]:
+def texel_areas(corners: Floats) -> F64:
     """(T,) areas in texels of triangles given by texel coordinates (T, 3, 2)."""
     # In double precision, as files hold UVs of any size.
     e1, e2 = (np.subtract(corners[:, number], corners[:, 0], dtype=np.float64) for number in (1, 2))
-    doubled: NDArray[np.float64] = np.abs(e1[:, 0] * e2[:, 1] - e1[:, 1] * e2[:, 0])
+    doubled: F64 = np.abs(e1[:, 0] * e2[:, 1] - e1[:, 1] * e2[:, 0])
     return doubled / 2
 
 
-def triangle_of_texel(corners: NDArray[np.float64], size: TextureSize) -> NDArray[np.int32]:
+def triangle_of_texel(corners: F64, size: TextureSize) -> I32:
     """(H, W) index of the triangle that covers each texel's centre, -1 where none does.
 
     corners: (T, 3, 2) texel coordinates. Where triangles overlap, the highest index wins. Degenerate ones cover
@@ -48,7 +46,7 @@ def triangle_of_texel(corners: NDArray[np.float64], size: TextureSize) -> NDArra
 class Raster:
     """The result of :func:`triangle_of_texel`, a few rows at a time."""
 
-    def __init__(self, corners: NDArray[np.float64], size: TextureSize) -> None:
+    def __init__(self, corners: F64, size: TextureSize) -> None:
         self.width, height = width_and_height(size)
         y = corners[..., 1]
         self.top = np.clip(np.ceil(y.min(axis=1)), 0, height).astype(np.int32)
@@ -57,7 +55,7 @@ class Raster:
         # (2, 3, T): x and y of each corner, with consecutive triangles contiguous in memory.
         self.x, self.y = np.ascontiguousarray(corners.T)
 
-    def rows(self, rows: slice) -> NDArray[np.int32]:
+    def rows(self, rows: slice) -> I32:
         """(R, W) index of the triangle that covers each texel's centre in these rows."""
         near = np.flatnonzero((self.bottom > rows.start) & (self.top < rows.stop))
         top = np.maximum(self.top[near], rows.start).astype(np.int64)
@@ -73,7 +71,7 @@ class Raster:
             end = begin
         return owner.reshape(rows.stop - rows.start, self.width)
 
-    def _span(self, triangle: NDArray[np.int64], row: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    def _span(self, triangle: I64, row: I64) -> tuple[I64, I64]:
         """For triangles in rows, each (N,): the first covered column, by texel centres, and the one after the last."""
         x, y = self.x.take(triangle, axis=1), self.y.take(triangle, axis=1)
         # Where each of the three edges crosses the row; edges that do not reach it are ignored.
@@ -90,9 +88,7 @@ class Raster:
         return start, np.clip(np.floor(np.maximum(right, -1.0)) + 1, start, self.width).astype(np.int64)
 
 
-def _fill(
-    owner: NDArray[np.int32], triangle: NDArray[np.int64], first: NDArray[np.int64], count: NDArray[np.int64]
-) -> None:
+def _fill(owner: I32, triangle: I64, first: I64, count: I64) -> None:
     """Write triangles, (N,) ascending, to their spans of `count` texels from `first` on, where `owner` is still -1."""
     while len(triangle):
         if count.sum() > np.count_nonzero(owner < 0):  # some overlap, and may be hidden entirely
@@ -109,22 +105,19 @@ def _fill(
         triangle, first, count = triangle[:begin], first[:begin], count[:begin]
 
 
-def _last_few(counts: NDArray[np.int64]) -> int:
+def _last_few(counts: I64) -> int:
     """Start of the longest tail of counts that sums to at most `AT_ONCE`, at least one of them; 0 if none."""
     few = np.searchsorted(np.cumsum(counts[::-1]), AT_ONCE, side="right")
     return max(len(counts) - max(int(few), 1), 0)
 
 
-def _counted(start: NDArray[np.int64], count: NDArray[np.int64]) -> NDArray[np.int64]:
+def _counted(start: I64, count: I64) -> I64:
     """start[0], start[0] + 1, ... (count[0] of them), start[1], ..."""
     before = np.cumsum(count) - count
-    counted: NDArray[np.int64] = np.arange(int(count.sum())) + np.repeat(start - before, count)
-    return counted
+    return np.arange(int(count.sum())) + np.repeat(start - before, count)
 
 
-def extend_to_nearest(
-    values: NDArray[np.float32], filled: NDArray[np.bool_], distance: int, *, in_place: bool = False
-) -> NDArray[np.float32]:
+def extend_to_nearest(values: F32, filled: Bools, distance: int, *, in_place: bool = False) -> F32:
     """`values` (S, S, C) with the texels within `distance` of the filled ones set to their nearest one's value.
 
     Without such a margin, filtering and mipmaps bleed the background into the UV islands.
@@ -146,9 +139,7 @@ def extend_to_nearest(
     return out
 
 
-def _nearest(
-    filled: NDArray[np.bool_], distance: int
-) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
+def _nearest(filled: Bools, distance: int) -> tuple[I64, I64, I64]:
     """Flat indices of the texels within `distance` of the filled ones, the filled texel nearest to each, and the row of
     each."""
     # A border that counts as done keeps steps within the texture.

@@ -1,7 +1,11 @@
-"""Checks of the sizes of images that belong together."""
+"""Checks of the sizes of images that belong together, and of arrays of a few numbers."""
 
 from collections.abc import Sequence
 
+import numpy as np
+from numpy.typing import ArrayLike
+
+from mpsnet_core.arrays.types import F64
 from mpsnet_core.errors import GeometryError
 
 SAME_SIZE = "they must be the same size"
@@ -13,9 +17,7 @@ def size(shape: Sequence[int]) -> str:
     return f"{shape[1]} x {shape[0]}"
 
 
-def check_same_size(
-    name: str, shape: Sequence[int], other: str, expected: Sequence[int], remedy: str = SAME_SIZE
-) -> None:
+def check_same_size(name: str, shape: Sequence[int], other: str, expected: Sequence[int], fix: str = SAME_SIZE) -> None:
     """Raise GeometryError if two arrays differ in shape. The message calls them `name` and `other`.
 
     >>> check_same_size("the mask", (2, 3, 3), "the photo", (2, 3))
@@ -26,4 +28,17 @@ def check_same_size(
     if shape != expected:
         by_shape = len(shape) < 2 or shape[:2] == expected[:2]
         found, wanted = map(str if by_shape else size, (shape, expected))
-        raise GeometryError(f"{name} is {found} but {other} is {wanted}; {remedy}")
+        raise GeometryError(f"{name} is {found} but {other} is {wanted}; {fix}")
+
+
+def finite_array(value: ArrayLike, shape: tuple[int, ...], what: str, most: float) -> F64:
+    """A copy of `value` as an array of `shape`. Raises GeometryError if it is none, or a number exceeds `most`."""
+    try:
+        array = np.array(value, dtype=np.float64)
+    except (TypeError, ValueError, OverflowError):
+        array = np.empty(0)
+    if array.shape != shape or not np.isfinite(array).all():
+        raise GeometryError(f"{what} must be {' by '.join(map(str, shape))} finite numbers")
+    if (np.abs(array) > most).any():
+        raise GeometryError(f"{what} holds a number beyond {most:g}; correct it")
+    return array

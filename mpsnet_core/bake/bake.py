@@ -8,27 +8,23 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from mpsnet_core.arrays.push_pull import push_pull
 from mpsnet_core.arrays.rasterize import Raster, TextureSize, texel_areas, width_and_height
+from mpsnet_core.arrays.resampling import push_pull
 from mpsnet_core.arrays.row_bands import bands, on_all_cores
+from mpsnet_core.arrays.types import F32, F64, I32, I64, Bools
 from mpsnet_core.arrays.unit_vectors import normalised
-from mpsnet_core.bake.fill import fill_unseen
-from mpsnet_core.bake.fill_colours import SeamEdges, fill_colours
-from mpsnet_core.bake.padding import Padding, padded
-from mpsnet_core.bake.projection import Projector, View
-from mpsnet_core.bake.settings import BakeSettings
+from mpsnet_core.bake.fill import SeamEdges, fill_colours, fill_unseen
+from mpsnet_core.bake.projection import Projector, Projectors, View, ViewAccumulator, masks_hide_all, seen_triangles
+from mpsnet_core.bake.settings import BakeSettings, Padding, padded
 from mpsnet_core.bake.texel_surface import Barycentric, TexelSampler
-from mpsnet_core.bake.view_accumulator import Projectors, ViewAccumulator, masks_hide_all, seen_triangles
 from mpsnet_core.defaults import MARGIN, TEXTURE_SIZE
 from mpsnet_core.errors import GeometryError
 from mpsnet_core.io.from_files import takes_files
 from mpsnet_core.progress import Progress, part, silent
-from mpsnet_core.scene.joined_mesh import join_meshes
-from mpsnet_core.scene.mesh import Mesh
+from mpsnet_core.scene.mesh import Mesh, join_meshes
 from mpsnet_core.scene.rays import RayScene
 from mpsnet_core.scene.texture import Space, Texture
-from mpsnet_core.scene.texture_sets import TextureSet, texture_sets
-from mpsnet_core.scene.uv_islands import Islands, islands_of
+from mpsnet_core.scene.texture_sets import Islands, TextureSet, islands_of, texture_sets
 
 log = logging.getLogger(__name__)
 
@@ -207,9 +203,9 @@ class _Bake:
     """The meshes."""
     projectors: Projectors
     """The views' projectors."""
-    seen: Sequence[NDArray[np.bool_]]
+    seen: Sequence[Bools]
     """For each mesh, (T,) whether a view sees the centres of its triangles."""
-    middle: NDArray[np.float64]
+    middle: F64
     """(3,). The scene's centre in world space."""
     baking: BakeSettings
     """How the textures are baked."""
@@ -277,13 +273,11 @@ class _Bake:
         """The seams of the texture set's meshes in its unit square, with the islands' numbers of :meth:`_islands`."""
         assert self.islands is not None
         first = np.cumsum([0, *(one.count for one in self.islands)])
-        uvs: NDArray[np.float64] = np.concatenate([one.seam_uvs for one in self.islands]) - np.array(
-            texture_set.corner, np.float64
-        )
+        uvs: F64 = np.concatenate([one.seam_uvs for one in self.islands])
         numbered = [one.seam_islands + before for one, before in zip(self.islands, first, strict=False)]
         return SeamEdges(uvs - np.array(texture_set.corner, np.float64), np.concatenate(numbered).astype(np.int32))
 
-    def _islands(self, texture_set: TextureSet) -> NDArray[np.int32] | None:
+    def _islands(self, texture_set: TextureSet) -> I32 | None:
         """The UV island of each of the texture set's triangles, in the order of :meth:`texture`'s corners."""
         if self.islands is None:
             return None
@@ -291,8 +285,7 @@ class _Bake:
         for triangles, islands in zip(texture_set.parts, self.islands, strict=True):
             numbers.append(first + (islands.of_triangle if triangles is None else islands.of_triangle[triangles]))
             first += islands.count
-        together: NDArray[np.int32] = np.concatenate(numbers)
-        return together
+        return np.concatenate(numbers)
 
     def _sample(self, points: Texture, under: "_RasterisedSurfaces", rows: slice, progress: Progress) -> None:
         """Write the views' samples at these rows of the texture into `points`, (R, C), which holds those rows alone."""
@@ -338,10 +331,10 @@ class _Bake:
     def _finish(
         self,
         points: Texture,
-        texels: NDArray[np.int64],
+        texels: I64,
         surface: TexelSampler,
         place: Barycentric,
-        normal: NDArray[np.float32],
+        normal: F32,
         sums: ViewAccumulator,
     ) -> None:
         """Write the accumulated means at the texels of these flat indices.
@@ -375,12 +368,12 @@ class _RasterisedSurfaces:
 
     surfaces: Sequence[TexelSampler]
     """The meshes' surfaces."""
-    order: NDArray[np.int64]
+    order: I64
     """For each triangle of `raster`, its index among the concatenated triangles of all surfaces."""
     raster: Raster
     """Rasterised triangles of all surfaces, concatenated and sorted by `order`."""
 
-    def patches(self, laid: NDArray[np.int32]) -> Iterator[tuple[TexelSampler, NDArray[np.int64], NDArray[np.int64]]]:
+    def patches(self, laid: I32) -> Iterator[tuple[TexelSampler, I64, I64]]:
         """Yield each surface with (N,) its triangles and (N,) the flat indices of the points above them.
 
         laid: (R, C) triangle numbers, rows of the raster.
@@ -435,25 +428,14 @@ def _averaged(points: Texture, samples: int) -> Texture:
         total = blocks(points.colours).sum(axis=(1, 3))
         colours = total / np.maximum(total[..., 3:], 1)
     assert points.views is not None and points.spread is not None
-    return Texture(
-        normalised(vectors),
-        seen[:, 0, :, 0],
-        weight > 0,
-        points.space,
-        blocks(points.views).max(axis=(1, 3)),
-        (blocks(np.where(counts, points.spread, 0)).sum(axis=(1, 3)) / np.maximum(weight, 1)).astype(np.float32),
-        colours,
-    )
+    views = blocks(points.views).max(axis=(1, 3))
+    spread = blocks(np.where(counts, points.spread, 0)).sum(axis=(1, 3)) / np.maximum(weight, 1)
+    spread = spread.astype(np.float32)
+    return Texture(normalised(vectors), seen[:, 0, :, 0], weight > 0, points.space, views, spread, colours)
 
 
 def _blank(shape: tuple[int, int], space: Space, colours: bool) -> Texture:
     """A texture of zeros."""
-    return Texture(
-        np.zeros((*shape, 3), np.float32),
-        np.zeros(shape, bool),
-        np.zeros(shape, bool),
-        space,
-        np.zeros(shape, np.uint16),
-        np.zeros(shape, np.float32),
-        np.zeros((*shape, 4), np.float32) if colours else None,
-    )
+    vectors, seen, covered = np.zeros((*shape, 3), np.float32), np.zeros(shape, bool), np.zeros(shape, bool)
+    views, spread = np.zeros(shape, np.uint16), np.zeros(shape, np.float32)
+    return Texture(vectors, seen, covered, space, views, spread, np.zeros((*shape, 4), np.float32) if colours else None)

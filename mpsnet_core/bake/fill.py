@@ -1,16 +1,15 @@
 """Filling: inpaints normals where no view sees the surface from the relief around it, in each UV island separately."""
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
-from mpsnet_core.arrays.connected_components import connected
 from mpsnet_core.arrays.graph_poisson import Graph, Solver, graph_of
-from mpsnet_core.arrays.mask_regions import dilated
+from mpsnet_core.arrays.mask_regions import connected, dilated
+from mpsnet_core.arrays.resampling import upsampled
 from mpsnet_core.arrays.row_bands import bands
+from mpsnet_core.arrays.types import F32, F64, I32, I64, Bools
 from mpsnet_core.arrays.unit_vectors import dot
-from mpsnet_core.arrays.upsample import upsampled
 from mpsnet_core.errors import SettingsError
 from mpsnet_core.progress import Progress, part, silent
 from mpsnet_core.scene.texture import Texture
@@ -27,9 +26,7 @@ def check_filling(space: str) -> None:
         raise SettingsError("only a texture in tangent space can be filled; bake in tangent space, or do not fill")
 
 
-def fill_unseen(
-    texture: Texture, islands: NDArray[np.int32], known: NDArray[np.bool_], *, progress: Progress = silent
-) -> Texture:
+def fill_unseen(texture: Texture, islands: I32, known: Bools, *, progress: Progress = silent) -> Texture:
     """Fill the unseen texels smoothly from the rim of the seen ones.
 
     Parameters
@@ -61,9 +58,7 @@ def fill_unseen(
     return replace(texture, vectors=vectors, filled=reached & ~texture.seen)
 
 
-def _membrane(
-    xy: NDArray[np.float32], islands: NDArray[np.int32], known: NDArray[np.bool_], progress: Progress
-) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
+def _membrane(xy: F32, islands: I32, known: Bools, progress: Progress) -> tuple[F32, Bools]:
     """(H, W, 2) the values, with unknown ones solved as in :func:`fill_unseen`, and (H, W) which of these were reached.
 
     A large texture is solved at half the size first. That is exact enough where the solution is smooth; only bands
@@ -84,9 +79,7 @@ def _membrane(
     return xy, reached | settled
 
 
-def _half_size_membrane(
-    xy: NDArray[np.float32], islands: NDArray[np.int32], known: NDArray[np.bool_], progress: Progress
-) -> tuple[NDArray[np.float32], NDArray[np.int32], NDArray[np.bool_]]:
+def _half_size_membrane(xy: F32, islands: I32, known: Bools, progress: Progress) -> tuple[F32, I32, Bools]:
     """:func:`_membrane` at half the size: values, islands, and whether a texel's whole neighbourhood has values and
     lies in one island."""
     height, width = (-(-length // 2) for length in islands.shape)
@@ -113,9 +106,7 @@ def _half_size_membrane(
     return coarse, blocks, even
 
 
-def _solve(
-    xy: NDArray[np.float32], islands: NDArray[np.int32], known: NDArray[np.bool_], progress: Progress
-) -> NDArray[np.bool_]:
+def _solve(xy: F32, islands: I32, known: Bools, progress: Progress) -> Bools:
     """Solve for the unknown values in place. Returns (H, W) which of them were reached."""
     height, width = islands.shape
     none = np.empty((0, 2), np.int32)
@@ -141,7 +132,7 @@ def _solve(
     return filled
 
 
-def _reached(graph: Graph, rim: NDArray[np.bool_]) -> NDArray[np.bool_]:
+def _reached(graph: Graph, rim: Bools) -> Bools:
     """(N,) which unknowns are connected to the rim, (N,)."""
     own = np.arange(len(rim))
     ends = [(own[ahead != own], ahead[ahead != own].astype(np.int64)) for ahead in graph.neighbours[:2]]
@@ -149,3 +140,153 @@ def _reached(graph: Graph, rim: NDArray[np.bool_]) -> NDArray[np.bool_]:
     touched = np.zeros(len(rim), bool)
     touched[part_of[rim]] = True
     return touched[part_of]
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Filling of colours where no view sees the surface: along the surface, across the seams of its UV islands.
+#
+# The texture's texels are merged into cells of an island in a block of the texture. Cells are linked with their
+# neighbours in the texture and with those beyond the island's seams, and Laplace's equation on this graph continues the
+# known colours.
+
+
+# Blocks across a texture, and texels of each that are looked at: what is filled is smooth.
+BLOCKS, LOOKED_AT = 256, 4
+
+
+# To the right, below, to the left, above: columns and rows, as in a Graph.
+_SIDES = ((1, 0), (0, 1), (-1, 0), (0, -1))
+
+
+@dataclass(frozen=True)
+class SeamEdges:
+    """E edges of the surface that lie at two places in a texture."""
+
+    uvs: F64
+    """(E, 2 sides, 2 ends, 2). UVs in the texture's unit square."""
+    islands: I32
+    """(E, 2). The islands on either side."""
+
+
+@dataclass(frozen=True)
+class _Cells:
+    """N cells: the parts of islands in the blocks of a texture."""
+
+    shape: tuple[int, int]
+    """Height and width of the texture."""
+    side: int
+    """Width and height of a block in texels."""
+    count: int
+    """Number of islands."""
+    keys: I64
+    """(N,) ascending. The block and the island of each, see :meth:`key`."""
+
+    def key(self, row: I64, column: I64, island: I32) -> I64:
+        """Keys of blocks' islands; -1 where the island is -1, or the block beside the texture."""
+        columns = -(-self.shape[1] // self.side)
+        inside = (island >= 0) & (column >= 0) & (column < columns) & (row >= 0)
+        return np.where(inside, (row * columns + column) * self.count + island, -1)
+
+    def places(self) -> tuple[I64, I64, I32]:
+        """(N,) each: row and column of the block, and the island."""
+        block, island = np.divmod(self.keys, self.count)
+        return *np.divmod(block, -(-self.shape[1] // self.side)), island.astype(np.int32)
+
+    def number(self, key: I64) -> I64:
+        """The cells of keys; -1 where there is none."""
+        place = np.minimum(np.searchsorted(self.keys, key), len(self.keys) - 1)
+        return np.where(self.keys[place] == key, place, -1)
+
+
+def fill_colours(colours: F32, islands: I32, known: Bools, seams: SeamEdges) -> None:
+    """Fill unknown colours on UV islands in place.
+
+    Islands that no known colour reaches get the mean of all known ones.
+
+    colours: (H, W, 3). islands: (H, W), -1 where there is none. known: (H, W).
+    """
+    if not known.any() or (known | (islands < 0)).all():
+        return
+    side = max(1, -(-max(islands.shape) // BLOCKS))
+    step = max(1, side // LOOKED_AT)
+    island, seen = islands[::step, ::step], known[::step, ::step]
+    rows, columns = np.indices(island.shape, np.int64) * step // side
+    cells = _Cells((len(islands), islands.shape[1]), side, int(islands.max()) + 1, np.empty(0, np.int64))
+    key = cells.key(rows, columns, island)
+    cells = replace(cells, keys=np.unique(key[key >= 0]))
+    of_cell = cells.number(key[seen & (key >= 0)])
+    looked_at, count = colours[::step, ::step][seen & (key >= 0)], len(cells.keys)
+    amount = np.bincount(of_cell, minlength=count)
+    sums = [np.bincount(of_cell, one, count).astype(np.float64) for one in looked_at.T]
+    values: F64 = np.stack(sums, axis=1) / np.maximum(amount, 1)[:, None]
+    ties = _across(seams, cells)
+    _solved(values, amount > 0, cells, ties[(ties >= 0).all(axis=1) & (ties[:, 0] != ties[:, 1])])
+    for band in bands(len(islands)):
+        missing = (islands[band] >= 0) & ~known[band]
+        row, column = np.nonzero(missing)
+        colours[band][missing] = _between_cells(values, cells, row + band.start, column, islands[band][missing])
+
+
+def _across(seams: SeamEdges, cells: _Cells) -> I64:
+    """(M, 2) the cells on either side of points along the seams, about a block apart; -1 where there is none."""
+    height, width = cells.shape
+    places = np.stack([seams.uvs[..., 0] * width, (1 - seams.uvs[..., 1]) * height], axis=-1) / cells.side
+    near = (np.abs(places) < 4 * BLOCKS).all(axis=(1, 2, 3))
+    places, islands = places[near], seams.islands[near]
+    lengths = np.linalg.norm(places[:, :, 1] - places[:, :, 0], axis=-1).max(axis=1)
+    points = np.ceil(np.maximum(lengths, 1)).astype(np.int64)
+    edge = np.repeat(np.arange(len(points)), points)
+    along = (np.arange(len(edge)) - (np.cumsum(points) - points)[edge] + 0.5) / points[edge]
+    at = places[edge, :, 0] + along[:, None, None] * (places[edge, :, 1] - places[edge, :, 0])
+    found = np.full((len(edge), 2), -1, np.int64)
+    for down, right in sorted(np.ndindex(3, 3), key=lambda by: abs(by[0] - 1) + abs(by[1] - 1)):
+        column, row = np.moveaxis(np.floor(at).astype(np.int64), -1, 0)
+        there = cells.number(cells.key(row + (down - 1), column + (right - 1), islands[edge]))
+        found = np.where(found < 0, there, found)
+    return found
+
+
+def _solved(values: F64, known: Bools, cells: _Cells, ties: I64) -> None:
+    """Continue known colours (N, 3) over all cells in place. ties: (M, 2) cells that touch at seams."""
+    row, column, island = cells.places()
+    sides = [cells.number(cells.key(row + down, column + right, island)) for right, down in _SIDES]
+    own = np.arange(len(known))
+    ends = [np.stack([own, beside], axis=1)[beside >= 0] for beside in sides[:2]]
+    part = connected(len(known), *np.concatenate([*ends, ties]).T)
+    touched = np.zeros(len(known), bool)
+    touched[part[known]] = True
+    mean, unknown = values[known].mean(axis=0), np.flatnonzero(touched[part] & ~known)
+    values[~known] = mean  # also of islands that nothing known touches
+    if not len(unknown):
+        return
+    place = np.full(len(known) + 1, -1, np.int32)  # the last is that of no cell
+    place[unknown] = np.arange(len(unknown), dtype=np.int32)
+    hold, sums = np.zeros(len(unknown), np.float32), np.zeros((len(unknown), 3))
+    linked = [(np.arange(len(unknown)), beside[unknown]) for beside in sides]
+    linked += [(place[one], other) for one, other in (ties.T, ties[:, ::-1].T)]
+    for one, other in linked:
+        rim = (one >= 0) & (other >= 0) & known[other]
+        np.add.at(hold, one[rim], np.float32(1))
+        np.add.at(sums, one[rim], values[other[rim]])
+    neighbours = np.stack([place[beside[unknown]] for beside in sides])
+    weights = (neighbours >= 0).astype(np.float32)
+    neighbours = np.where(neighbours >= 0, neighbours, np.arange(len(unknown), dtype=np.int32))
+    among = place[ties][(place[ties] >= 0).all(axis=1)]
+    position = np.stack([row, column], axis=1)[unknown].astype(np.int32)
+    solver = Solver(Graph(position, island[unknown], neighbours, weights, among, np.ones(len(among), np.float32), hold))
+    for channel in range(3):
+        begin = np.full(len(unknown), mean[channel], np.float32)
+        values[unknown, channel] = solver.solve(sums[:, channel].astype(np.float32), begin)
+
+
+def _between_cells(values: F64, cells: _Cells, row: I64, column: I64, island: I32) -> F32:
+    """(N, 3) colours at texels, bilinear between the cells of their island."""
+    y, x = (row + 0.5) / cells.side - 0.5, (column + 0.5) / cells.side - 0.5
+    top, left = np.floor(y).astype(np.int64), np.floor(x).astype(np.int64)
+    total, weight = np.zeros((len(row), 3), np.float32), np.full(len(row), 1e-12, np.float32)
+    for down, right in np.ndindex(2, 2):
+        cell = cells.number(cells.key(top + down, left + right, island))
+        share = np.abs(1 - down - (y - top)) * np.abs(1 - right - (x - left)) * (cell >= 0) + 1e-9 * (cell >= 0)
+        total += (values[cell] * share[:, None]).astype(np.float32)
+        weight += share.astype(np.float32)
+    return total / weight[:, None]

@@ -5,10 +5,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from mpsnet_core.bake.base_detail_removal import BaseMap, log_shares, remove_base_details
+from mpsnet_core.bake.base_maps import BaseMap, log_shares, remove_base_details
 from mpsnet_core.bake.low_frequency_correction import apply_low_frequency_correction, find_low_frequency_correction
 from mpsnet_core.bake.projection import View
-from mpsnet_core.bake.view_fit import warn_of_misfit
+from mpsnet_core.bake.view_agreement import warn_of_misfit
 from mpsnet_core.errors import FileError
 from mpsnet_core.estimate.albedo import read_albedo
 from mpsnet_core.io.files import prefix_errors
@@ -17,8 +17,7 @@ from mpsnet_core.io.metadata import content_fingerprint
 from mpsnet_core.io.provenance import fingerprint
 from mpsnet_core.progress import Progress
 from mpsnet_core.scene.camera import read_camera
-from mpsnet_core.scene.joined_mesh import join_meshes
-from mpsnet_core.scene.mesh import Mesh
+from mpsnet_core.scene.mesh import Mesh, join_meshes
 from mpsnet_core.scene.normal_directions import check_directions
 from mpsnet_core.scene.normal_encoding import Convention
 from mpsnet_core.scene.normal_map import read_normals
@@ -74,7 +73,7 @@ class ViewReader:
     correction_scale: float
     """Scale of the low-frequency correction as a fraction of the mesh's size, 0 for none."""
     base_maps: Sequence[BaseMap] = ()
-    """The mesh's base maps, whose relief is removed from the views (:mod:`mpsnet_core.bake.base_detail_removal`)."""
+    """The mesh's base maps, whose relief is removed from the views (:mod:`mpsnet_core.bake.base_maps`)."""
     convention: Convention = "opengl"
     """Convention of the views' normal maps."""
 
@@ -120,12 +119,8 @@ class ViewReader:
         if not self.correction_scale:
             return estimated, estimated, 0.0, shares
         correction = find_low_frequency_correction(normals, view.camera, mesh, scene, scale=self.correction_scale)
-        return (
-            estimated,
-            replace(view, normals=apply_low_frequency_correction(normals, correction)),
-            correction.mean_angle,
-            shares,
-        )
+        levelled = replace(view, normals=apply_low_frequency_correction(normals, correction))
+        return estimated, levelled, correction.mean_angle, shares
 
 
 def frame_inputs(mesh: str, views: Sequence[tuple[str, str]]) -> dict[int, BakeInputs]:

@@ -11,22 +11,18 @@ view, and surfaces that are neighbours in the image alone do not mix.
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
-from mpsnet_core.arrays.gaussian import gaussian
-from mpsnet_core.arrays.push_pull import push_pull
-from mpsnet_core.arrays.rotations import rotated, rotation_between
+from mpsnet_core.arrays.resampling import chosen_pixels, gaussian, push_pull, reduced_shape, upsampled
 from mpsnet_core.arrays.row_bands import bands, on_all_cores
-from mpsnet_core.arrays.unit_vectors import normalised
-from mpsnet_core.arrays.upsample import chosen_pixels, reduced_shape, upsampled
+from mpsnet_core.arrays.types import F32, Bools
+from mpsnet_core.arrays.unit_vectors import normalised, rotated, rotation_between
 from mpsnet_core.defaults import LEVEL_SCALE, MAX_LEVEL_SCALE, MIN_LEVEL_SCALE
 from mpsnet_core.errors import GeometryError, SettingsError
 from mpsnet_core.io.from_files import takes_files
 from mpsnet_core.scene.camera import Camera
 from mpsnet_core.scene.mesh import Mesh
-from mpsnet_core.scene.mesh_hits import mesh_hits
 from mpsnet_core.scene.normal_map import NormalMap
-from mpsnet_core.scene.rays import RayScene
+from mpsnet_core.scene.rays import RayScene, mesh_hits
 
 # Rays are cast for at most this many pixels on the image's longer side: the result is smooth.
 TRACED_PIXELS = 1024
@@ -40,10 +36,10 @@ HOLD = 0.1
 class LowFrequencyCorrection:
     """Rotations that match the low frequencies of a view's normals to the mesh's."""
 
-    rotations: NDArray[np.float32]
+    rotations: F32
     """(h, w, 3) float32. Rotation vectors (axis times angle in radians) in camera space, at a reduced resolution,
     extrapolated smoothly where the mesh is not seen."""
-    known: NDArray[np.bool_]
+    known: Bools
     """(h, w) bool. Where the mesh is seen."""
 
     @property
@@ -51,21 +47,6 @@ class LowFrequencyCorrection:
         """Mean angle in degrees by which the normals are turned where the mesh is seen; 0 if it is not seen."""
         angles = np.linalg.norm(self.rotations[self.known], axis=1)
         return float(np.degrees(angles.mean())) if len(angles) else 0.0
-
-
-def parse_scale(text: str) -> float:
-    """The scale of the correction from "on", "off" or a number; 0 for none. Raises SettingsError for other text."""
-    if text in ("on", "off"):
-        return LEVEL_SCALE if text == "on" else 0.0
-    try:
-        scale = float(text)
-    except ValueError:
-        scale = 0.0
-    if not MIN_LEVEL_SCALE <= scale <= MAX_LEVEL_SCALE:
-        raise SettingsError(
-            f"--level {text} is not known; give on, off, or a scale from {MIN_LEVEL_SCALE:g} to {MAX_LEVEL_SCALE:g}"
-        )
-    return scale
 
 
 @takes_files
@@ -116,9 +97,7 @@ def find_low_frequency_correction(
 ) -> LowFrequencyCorrection:
     """The rotations that :func:`correct_low_frequencies` applies. The parameters are the same."""
     if not MIN_LEVEL_SCALE <= scale <= MAX_LEVEL_SCALE:
-        raise SettingsError(
-            f"a levelling scale of {scale:g} cannot be used; choose {MIN_LEVEL_SCALE:g} to {MAX_LEVEL_SCALE:g}"
-        )
+        raise SettingsError(f"a levelling scale is not {scale:g}; choose {MIN_LEVEL_SCALE:g} to {MAX_LEVEL_SCALE:g}")
     height, width = normals.mask.shape
     if (camera.width, camera.height) != (width, height):
         raise GeometryError(f"the camera is {camera.width} x {camera.height} but its normals are {width} x {height}")
@@ -155,9 +134,7 @@ def apply_low_frequency_correction(normals: NormalMap, correction: LowFrequencyC
     return replace(normals, vectors=vectors, in_place=True)
 
 
-def _smoothed_rotations(
-    points: NDArray[np.float32], estimate: NDArray[np.float32], own: NDArray[np.float32], sigma: float
-) -> NDArray[np.float32]:
+def _smoothed_rotations(points: F32, estimate: F32, own: F32, sigma: float) -> F32:
     """(N, 3) rotation vectors that best carry the estimate onto the mesh's own normals in each point's neighbourhood.
 
     sigma: standard deviation of the Gaussian weights, in world units.
@@ -193,7 +170,7 @@ def _smoothed_rotations(
     return rotations
 
 
-def _rotation(sums: NDArray[np.float32]) -> NDArray[np.float32]:
+def _rotation(sums: F32) -> F32:
     """(N, 3) rotation vectors that solve the normal equations. sums: (13, N), of :func:`_smoothed_rotations`."""
     sums = sums.astype(np.float64) / np.maximum(sums[-1], 1e-12)
     middle = normalised(sums[3:6].T)

@@ -1,6 +1,5 @@
 """List files of base maps: which normal map belongs to which object and material."""
 
-import os
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
@@ -8,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from mpsnet_core.errors import FormatError
 from mpsnet_core.io.files import read_json, write_json
+from mpsnet_core.io.opening import AnyPath
 
 if TYPE_CHECKING:  # Blender imports this module, without OpenImageIO
     from mpsnet_core.scene.normal_encoding import Convention
@@ -29,7 +29,7 @@ class ListedMap:
     """Which way its green channel points; None if the list does not say."""
 
 
-def read_map_list(path: str | os.PathLike[str]) -> list[ListedMap]:
+def read_map_list(path: AnyPath) -> list[ListedMap]:
     """Read a list. Relative file names are relative to the list's folder.
 
     {"format": "mpsnet-present-maps", "version": 1, "maps": [{"file": "oak.png", "object": "Oak", "material": "Bark",
@@ -41,13 +41,13 @@ def read_map_list(path: str | os.PathLike[str]) -> list[ListedMap]:
         known = isinstance(entry, dict) and _KNOWN >= entry.keys() >= {"file"}
         if not known or not all(isinstance(value, str) for value in entry.values()):
             raise FormatError(
-                f'{path}: each of its "maps" has a "file" and may have "object", "material" and "convention", as texts'
+                f'{path}: each of its "maps" has texts: "file", and maybe "object", "material" and "convention"'
             )
         found.append(ListedMap(**{**entry, "file": Path(path).parent / entry["file"]}))
     return found
 
 
-def write_map_list(path: str | os.PathLike[str], maps: Iterable[ListedMap]) -> None:
+def write_map_list(path: AnyPath, maps: Iterable[ListedMap]) -> None:
     """Write a list that :func:`read_map_list` reads."""
     listed = [{what: str(value) for what, value in vars(one).items() if value is not None} for one in maps]
     write_json(path, {"format": FORMAT, "version": VERSION, "maps": listed})

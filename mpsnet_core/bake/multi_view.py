@@ -1,10 +1,11 @@
-"""Many views: estimates normals from posed photos onto disk, one photo in memory at a time, ready to be baked."""
+"""The work of ``views``: normals of posed photos on disk, one photo in memory at a time, and their textures."""
 
 import hashlib
 import json
 import logging
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
+from contextlib import nullcontext
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -12,32 +13,39 @@ from pathlib import Path
 import numpy as np
 
 from mpsnet_core.arrays.sizes import check_same_size
-from mpsnet_core.bake.colour_matching import matched
+from mpsnet_core.bake import texture_files, view_agreement
+from mpsnet_core.bake.bake import bake_texture_sets
+from mpsnet_core.bake.base_maps import log_shares
 from mpsnet_core.bake.inputs import ViewReader
-from mpsnet_core.bake.projection import View
-from mpsnet_core.bake.view_agreement import Agreement
-from mpsnet_core.bake.view_fit import warn_of_misfit
+from mpsnet_core.bake.operations import BakeViews, ViewsBaked
+from mpsnet_core.bake.projection import FEATHER, View
+from mpsnet_core.bake.report import texture_maps, view_table, write_bake_report
 from mpsnet_core.capture.capture import Capture
 from mpsnet_core.capture.decode import AS_STATED, PhotoReadOptions
 from mpsnet_core.capture.masks import mask_identity
 from mpsnet_core.capture.open import PhotoSet
+from mpsnet_core.capture.operations import ReadsPhotos
 from mpsnet_core.capture.sources import MESH, Source
 from mpsnet_core.errors import FileError
 from mpsnet_core.estimate.albedo import albedo_from_white, read_albedo
 from mpsnet_core.estimate.estimator import Estimator
-from mpsnet_core.io.files import prefix_errors
-from mpsnet_core.io.image_layers import layer_in
-from mpsnet_core.io.image_reading import read_size
+from mpsnet_core.estimate.operations import RunsModel
+from mpsnet_core.io import files as disk
+from mpsnet_core.io.frames import PhotoFolder
+from mpsnet_core.io.html_page import page_path
+from mpsnet_core.io.image_reading import layer_in, read_size
 from mpsnet_core.io.image_writing import write_image
-from mpsnet_core.io.photo_folder import PhotoFolder
-from mpsnet_core.io.provenance import fingerprint, is_up_to_date, provenance_line
+from mpsnet_core.io.opening import AnyPath
+from mpsnet_core.io.provenance import fingerprint, is_up_to_date, operation_facts, provenance_line
 from mpsnet_core.progress import Progress, part
 from mpsnet_core.scene.camera import Camera, camera_data
-from mpsnet_core.scene.mesh import Mesh
+from mpsnet_core.scene.mesh import Mesh, join_meshes
 from mpsnet_core.scene.normal_map import NormalMap, read_normals, write_normals
 from mpsnet_core.scene.rays import RayScene
-from mpsnet_core.scene.rig import LightRig
-from mpsnet_core.scene.view_photos import ViewPhoto
+from mpsnet_core.scene.rig import LightRig, read_rig, read_world_lights
+from mpsnet_core.scene.texture import Texture
+from mpsnet_core.scene.texture_sets import TextureSet
+from mpsnet_core.scene.view_photos import ViewPhoto, camera_files, posed_photos
 
 log = logging.getLogger(__name__)
 
@@ -167,7 +175,7 @@ def sources_of(
     """
     shape, owners, sources = _shape(mesh), dict[str, str](), []
     for view in views:
-        with prefix_errors(f"view {view.name}"):
+        with disk.prefix_errors(f"view {view.name}"):
             mask = photography.mask_of(view)
             if photography.masks and owners.setdefault(mask, view.name) != view.name:
                 raise FileError(f"its mask would be that of view {owners[mask]}, {mask}; add one named {view.name}")
@@ -225,13 +233,13 @@ class CachedViews(Sequence[View]):
         return len(self.kept)
 
     def __getitem__(self, number: int) -> View:  # type: ignore[override]  # nothing takes slices
-        return matched(self.both(number)[1], self.gains[number])
+        return view_agreement.matched(self.both(number)[1], self.gains[number])
 
     def both(self, number: int) -> tuple[View, View, float]:
         """A view as estimated, the same view levelled (unchanged without levelling), and the mean angle in degrees."""
         view, known = self.kept[number].read(self.cameras[number]), self._shares.get(number)
         if known is None:
-            warn_of_misfit(self.kept[number].name, view, self.mesh, self.scene)
+            view_agreement.warn_of_misfit(self.kept[number].name, view, self.mesh, self.scene)
         estimated, levelled, angle, found = self.reader.prepared(view, self.mesh, self.scene, known)
         self._shares[number] = found
         return estimated, levelled, angle
@@ -243,7 +251,7 @@ def estimate_views(
     photography: ViewCaptureSettings,
     estimator: Estimator,
     stored: CachedViews,
-    agreed: Agreement,
+    agreed: view_agreement.Agreement,
     *,
     progress: Progress,
 ) -> int:
@@ -267,3 +275,109 @@ def estimate_views(
             kept.write(capture, estimator(capture, part(step, 0.1, 0.8, named)), source)
         agreed.add(view.name, *stored.both(number))
     return known
+
+
+def bake_views(options: BakeViews, progress: Progress) -> ViewsBaked:
+    """Write the textures, and report and figures if requested."""
+    # Check as much as possible before the long work.
+    baking, level = texture_files.bake_settings(options, FEATHER), options.level_scale()
+    target = texture_files.texture_target(options)
+    inputs, outputs = _checked_files(options, target.output)
+    photography = _photography(options)
+    views = posed_photos(options.cameras, options.photos, layer=options.layer)
+    photos = [photo for view in views for photo in (view.photo, *photography.white_of(view))]
+    disk.check_no_overwrite(photos, outputs)
+    kept_files = [file for view in _cached(options, views, options.keep) for file in view.files] if options.keep else []
+    for file in kept_files:
+        disk.check_own(file)
+    disk.check_no_overwrite([*inputs, *photos, *outputs], kept_files)
+    progress(0.0, "reading the mesh")
+    plan = texture_files.planned(options, target, [*inputs, *photos, *map(Path, outputs[1:]), *kept_files])
+    mesh = join_meshes(plan.meshes)
+    settings_fingerprint = operation_facts(options, RunsModel, ReadsPhotos, **options.model_facts(options.passes))
+    sources = sources_of(views, photography, mesh, settings_fingerprint)
+    scene = RayScene.of(mesh)
+    estimator = options.estimator(options.passes)
+    with nullcontext(options.keep) if options.keep else disk.temporary_folder() as folder:
+        if options.keep:
+            disk.remove_abandoned(disk.ensure_folder(options.keep, "normals of the views"))
+        reader = ViewReader(level, plan.base_maps.in_photos())
+        kept = _cached(options, views, folder)
+        stored = CachedViews(kept, [view.camera for view in views], mesh, scene, reader)
+        agreed = view_agreement.agreement(mesh, scene, FEATHER)
+        step = part(progress, 0.02, 0.72)
+        known = estimate_views(views, sources, photography, estimator, stored, agreed, progress=step)
+        log_shares(stored.shares)
+        if options.white:
+            stored.gains = view_agreement.colour_gains(agreed.colours)
+        baked = bake_texture_sets(plan.meshes, stored, plan.texture_sets, baking, progress=part(progress, 0.72, 1.0))
+        table = agreed.views(stored.gains.tolist() if options.white else None)
+        view_agreement.warn_of_doubts(table)
+        how = f"levelled at {level:g} of the mesh's size" if level else "not levelled"
+        before = f"; {known} kept from before" if known else ""
+        return _written(
+            options, plan, baked, table, estimator.name, f"{len(views)} view(s) by {estimator.name}, {how}{before}"
+        )
+
+
+def _checked_files(options: BakeViews, output: str) -> tuple[list[Path], list[str]]:
+    """The files that are read, except photos, and those that are written. Raises InputError if one would overwrite
+    another, or its folder cannot be written."""
+    if options.report:
+        page_path(options.report)
+    if options.json:
+        disk.writable_path(options.json)
+    outputs = [file for file in (output, options.report, options.json) if file]
+    mask = None if options.mask == MESH else options.mask
+    inputs = [*camera_files(options.cameras), *options.inputs(options.rig, *options.mesh, options.onto, mask=mask)]
+    disk.check_no_overwrite(inputs, outputs)
+    return inputs, outputs
+
+
+def _photography(options: BakeViews) -> ViewCaptureSettings:
+    if options.lights_in == "world":
+        rig_of = read_world_lights(options.rig).seen_by
+    else:
+        rig = read_rig(options.rig)
+
+        def rig_of(camera: Camera) -> LightRig:
+            return rig
+
+    return ViewCaptureSettings(rig_of, options.mask, options.read_options(), options.white)
+
+
+def _cached(options: BakeViews, views: Sequence[ViewPhoto], folder: AnyPath) -> list[CachedView]:
+    return [CachedView(Path(folder), view.name, bool(options.white)) for view in views]
+
+
+def _written(
+    options: BakeViews,
+    plan: texture_files.BakePlan,
+    baked: Iterable[tuple[TextureSet, Texture]],
+    table: Sequence[view_agreement.ViewAgreement],
+    model: str,
+    summary: str,
+) -> ViewsBaked:
+    """Write textures, report and figures: all of them or none."""
+    written, maps = [], []
+    with disk.write_transaction():
+        for texture_set, one, texture in texture_files.write_textures(plan, baked):
+            written.append(one)
+            if options.report:
+                maps += texture_maps(texture, texture_set.named)
+            del texture
+        text = texture_files.format_textures(options, plan.target, written)
+        result = ViewsBaked(
+            plan.target.output,
+            written,
+            *texture_files.checked_shares(options, written),
+            view_agreement.table_rows(table),
+            options.level_scale(),
+            model,
+            text="\n".join([view_table(table), summary, text]),
+        )
+        if options.report:
+            write_bake_report(options.report, Path(plan.target.output).name, maps, table, [text, summary])
+        if options.json:
+            disk.write_json(options.json, result.metrics("views", "seen", "filled", "level", "model"))
+    return result

@@ -1,17 +1,17 @@
 """The report of a bake: what the views see of the surface and where they disagree, as a self-contained HTML page."""
 
 import html
-import os
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mpsnet_core.arrays.types import F32
 from mpsnet_core.bake.view_agreement import ViewAgreement
 from mpsnet_core.io.files import atomic_write
 from mpsnet_core.io.html_page import HEAD, data_url, page_path
 from mpsnet_core.io.image import linear_to_srgb
+from mpsnet_core.io.opening import AnyPath
 from mpsnet_core.io.text_table import text_table
 from mpsnet_core.scene.normal_encoding import encode
 from mpsnet_core.scene.pictures import on_background, scaled_error_bands
@@ -56,7 +56,7 @@ class TextureMap:
 
     words: str
     """What it shows."""
-    picture: NDArray[np.float32]
+    picture: F32
     """(H, W, 3). Its pixels, 0 to 1."""
     key: str = ""
     """Its colour key, as HTML."""
@@ -92,11 +92,7 @@ def texture_maps(texture: Texture, name: str = "") -> list[TextureMap]:
 
 
 def write_bake_report(
-    path: str | os.PathLike[str],
-    title: str,
-    maps: Sequence[TextureMap],
-    views: Sequence[ViewAgreement],
-    notes: Sequence[str] = (),
+    path: AnyPath, title: str, maps: Sequence[TextureMap], views: Sequence[ViewAgreement], notes: Sequence[str] = ()
 ) -> None:
     """Write the page: the textures' maps, and a line for each view.
 

@@ -9,7 +9,7 @@ from mpsnet_core.capture.operations import ReadsPhotos
 from mpsnet_core.defaults import MASK, MAX_FOCAL, MIN_FOCAL
 from mpsnet_core.estimate.alignment.operation import Align
 from mpsnet_core.estimate.operations import Estimate, RunsModel
-from mpsnet_core.operation import Operation, Result, option, settings
+from mpsnet_core.operation import Operation, Result, option, optional, settings
 from mpsnet_core.progress import Progress, part, silent
 from mpsnet_core.scene.operations import TakesMesh
 
@@ -39,22 +39,20 @@ class Scan(TakesMesh, RunsModel, ReadsPhotos):
     image: str = option(positional=True, help="photo of the object under the three lights")
     mesh: str = option(help="the object's mesh, with UVs", path="file", provenance="content")
     mask: str = option(default=MASK, help="where the object is, as in `estimate`")
-    focal: float | None = option(
-        default=None,
+    focal: float | None = optional(
+        "35 mm equivalent focal length of the lens, in millimetres",
         metavar="MM",
         low=MIN_FOCAL,
         high=MAX_FOCAL,
-        help="35 mm equivalent focal length of the lens, in millimetres",
         unset="estimated too",
     )
-    size: str = option(
-        default="2048", metavar="N|WxH", help="side of the texture in texels, or width and height", numbers=True
-    )
+    size: str = option(default="2048", metavar="N|WxH", help="texels along the texture's sides", numbers=True)
     output: str = option(help="folder for the camera, the rig, the normals and the texture", path="folder")
 
     def run(self, progress: Progress = silent) -> Scanned:
         """Write the four files, each as soon as it is made."""
         from mpsnet_core.bake.operations import Bake
+        from mpsnet_core.bake.texture_files import bake_settings
         from mpsnet_core.io.files import check_no_overwrite, ensure_folder
         from mpsnet_core.io.frames import results_folder
 
@@ -65,7 +63,7 @@ class Scan(TakesMesh, RunsModel, ReadsPhotos):
         check_no_overwrite([Path(self.image), *self.inputs(self.mesh, mask=self.mask)], files)
         camera, overlay, rig, normals, texture = files
         bake = Bake(**self._shared(Bake), view=(f"{camera}={normals}",), output=texture)
-        bake.baking(0.0)  # a size or a mesh that cannot be baked is told before the search
+        bake_settings(bake, 0.0)  # a size or a mesh that cannot be baked is told before the search
         self.read_mesh(self.mesh)
         ensure_folder(folder, "results")
         place: dict[str, Any] = {"camera": camera}

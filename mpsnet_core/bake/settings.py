@@ -1,13 +1,48 @@
-"""Settings of a bake."""
+"""Padding: texels beyond the UV islands, which filtering and mipmaps sample near the islands' borders."""
 
 from dataclasses import dataclass
+from typing import Literal
 
-from mpsnet_core.arrays.rasterize import TextureSize
+from mpsnet_core.arrays.rasterize import TextureSize, extend_to_nearest
+from mpsnet_core.arrays.resampling import push_pull
+from mpsnet_core.arrays.row_bands import bands
+from mpsnet_core.arrays.types import F32, Bools
+from mpsnet_core.arrays.unit_vectors import normalised
 from mpsnet_core.bake.fill import check_filling
-from mpsnet_core.bake.padding import PADDINGS, Padding
 from mpsnet_core.defaults import MARGIN, MAX_STRENGTH, TEXTURE_SIZE
 from mpsnet_core.errors import SettingsError, check_choice
 from mpsnet_core.scene.texture import Space, check_texture
+
+Padding = Literal["nearest", "push-pull", "none"]
+PADDINGS: tuple[Padding, ...] = ("nearest", "push-pull", "none")
+
+
+def padded(vectors: F32, covered: Bools, padding: Padding, margin: int) -> F32:
+    """Unit vectors (H, W, 3) with the texels outside the covered ones filled. Covered texels are unchanged.
+
+    It may fill and return the given array itself: a copy of a large texture takes much memory.
+
+    padding: "nearest" dilates the islands by `margin` texels, each with the vector of its nearest covered texel;
+    "push-pull" fills the whole texture smoothly; "none" leaves it unchanged.
+    """
+    if padding == "nearest":
+        return extend_to_nearest(vectors, covered, margin, in_place=True)
+    return _filled(vectors, covered) if padding == "push-pull" else vectors
+
+
+def _filled(vectors: F32, covered: Bools) -> F32:
+    if covered.all():
+        return vectors
+    whole = push_pull(vectors, covered)
+    for rows in bands(len(whole)):
+        missing = ~covered[rows]
+        whole[rows][missing] = normalised(whole[rows][missing])
+    return whole
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Settings of a bake.
+
 
 # Sample points per texel, along each side.
 SAMPLES = (1, 2, 4)
@@ -31,12 +66,12 @@ class BakeSettings:
     """Texels by which the UV islands are dilated if the padding is "nearest"."""
     padding: Padding = "nearest"
     """What the texture holds beyond the islands: "nearest", "push-pull" or "none", see
-    :mod:`mpsnet_core.bake.padding`."""
+    :mod:`mpsnet_core.bake.settings`."""
     samples: int = 1
     """1, 2 or 4. A texel is the mean of those of its samples x samples points that lie on the surface."""
     feather: float = 0.0
     """Distance, as a fraction (0 to 1) of the mesh's size, over which each view fades towards its borders into the
-    other views or the mesh's own normals: see :mod:`mpsnet_core.bake.feather`."""
+    other views or the mesh's own normals: see :mod:`mpsnet_core.bake.projection`."""
     strength: float = 1.0
     """Factor, 0 to 2, on the slopes relative to the mesh's own normals; 0 removes all detail."""
     fill: bool = False

@@ -1,11 +1,11 @@
 """Position, normal and tangent of the surface at a texture's sample points, linear over each triangle."""
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mpsnet_core.arrays.rasterize import texel_coordinates
+from mpsnet_core.arrays.types import F32, F64, I64, Floats
 from mpsnet_core.arrays.unit_vectors import SHORTEST, transformed
 from mpsnet_core.scene.mesh import Mesh
 from mpsnet_core.scene.texture import Space
@@ -14,25 +14,25 @@ from mpsnet_core.scene.texture import Space
 class Barycentric(NamedTuple):
     """N sample points of a texture, on the triangles under them."""
 
-    triangle: NDArray[np.int64]
+    triangle: I64
     """(N,). The triangle under each point."""
-    x: NDArray[np.float32]
+    x: F32
     """(N,). Offset from the triangle's first corner, in columns."""
-    y: NDArray[np.float32]
+    y: F32
     """(N,). Offset from the triangle's first corner, in rows."""
 
-    def some(self, which: NDArray[np.int64]) -> "Barycentric":
+    def some(self, which: I64) -> "Barycentric":
         return Barycentric(self.triangle.take(which), self.x.take(which), self.y.take(which))
 
 
 class SurfacePoints(NamedTuple):
     """N points of a surface, in world space."""
 
-    positions: NDArray[np.float32]
+    positions: F32
     """(3, N). Positions."""
-    normals: NDArray[np.float32]
+    normals: F32
     """(3, N). Unit shading normals."""
-    outwards: NDArray[np.float32]
+    outwards: F32
     """(3, N). Unit normals of the triangles, which decide what a camera sees."""
 
 
@@ -48,12 +48,7 @@ class TexelSampler:
     """
 
     def __init__(
-        self,
-        mesh: Mesh,
-        triangles: NDArray[np.int64] | None,
-        corner: tuple[int, int],
-        middle: NDArray[np.float64],
-        size: tuple[int, int],
+        self, mesh: Mesh, triangles: I64 | None, corner: tuple[int, int], middle: F64, size: tuple[int, int]
     ) -> None:
         chosen = slice(None) if triangles is None else triangles
         uvs = mesh.uvs[chosen]
@@ -76,21 +71,21 @@ class TexelSampler:
         self.object_from_world_normals = mesh.world_from_object[:3, :3].T.astype(np.float32)
         self.world_from_object_normals = mesh.normals_to_world.T.astype(np.float32)
 
-    def linear(self, at_corners: NDArray[np.floating[Any]]) -> NDArray[np.float32]:
+    def linear(self, at_corners: Floats) -> F32:
         """(T, 3, 3) corner values as (9, T): the value at the first corner, its step along x, along y."""
         first = at_corners[:, 0]
         differences = np.stack([at_corners[:, 1] - first, at_corners[:, 2] - first], axis=1)
         steps = np.einsum("tbk,tba->akt", differences, self.steps).reshape(6, -1)
         return np.concatenate([first.T, steps], dtype=np.float32)
 
-    def place(self, triangle: NDArray[np.int64], column: NDArray[np.int64], row: NDArray[np.int64]) -> Barycentric:
+    def place(self, triangle: I64, column: I64, row: I64) -> Barycentric:
         """Sample points of the texture from the triangle under them, column and row, each (N,)."""
         x, y = column.astype(np.float32), row.astype(np.float32)
         x -= self.origin[0].take(triangle)
         y -= self.origin[1].take(triangle)
         return Barycentric(triangle, x, y)
 
-    def at(self, place: Barycentric, layer: NDArray[np.float32]) -> NDArray[np.float32]:
+    def at(self, place: Barycentric, layer: F32) -> F32:
         """(3, N) values of a layer from :meth:`linear` at sample points."""
         values = layer.take(place.triangle, axis=1)
         values[3:6] *= place.x
@@ -105,9 +100,7 @@ class TexelSampler:
         outwards = self.outwards.take(place.triangle, axis=1)
         return SurfacePoints(self.at(place, self.position), _scaled_to_unit(normal), outwards)
 
-    def encoded(
-        self, place: Barycentric, vectors: NDArray[np.float32], space: Space, strength: float
-    ) -> NDArray[np.float32]:
+    def encoded(self, place: Barycentric, vectors: F32, space: Space, strength: float) -> F32:
         """(3, N) unit normals in `space` from vectors (3, N) in world space; the surface's own where those are zero.
 
         strength: factor on the slopes relative to the surface's own normals.
@@ -127,13 +120,12 @@ class TexelSampler:
         return _scaled_to_unit(baked)
 
 
-def _dot(one: NDArray[np.float32], other: NDArray[np.float32]) -> NDArray[np.float32]:
+def _dot(one: F32, other: F32) -> F32:
     """(N,) dot products of vectors (3, N)."""
-    product: NDArray[np.float32] = np.einsum("in,in->n", one, other)
-    return product
+    return np.einsum("in,in->n", one, other)
 
 
-def _scaled_to_unit(vectors: NDArray[np.float32]) -> NDArray[np.float32]:
+def _scaled_to_unit(vectors: F32) -> F32:
     """Vectors (3, N), normalised in place. Zero vectors become +z."""
     length = np.sqrt(_dot(vectors, vectors))
     none = np.flatnonzero(length <= SHORTEST)
@@ -143,9 +135,7 @@ def _scaled_to_unit(vectors: NDArray[np.float32]) -> NDArray[np.float32]:
     return vectors
 
 
-def _to_tangent_space(
-    vectors: NDArray[np.float32], normal: NDArray[np.float32], tangent: NDArray[np.float32], sign: NDArray[np.float32]
-) -> NDArray[np.float32]:
+def _to_tangent_space(vectors: F32, normal: F32, tangent: F32, sign: F32) -> F32:
     """Solve ``v = x T + y B + z N`` up to scale, with the interpolated, unnormalised T and N, and B = sign N x T.
 
     Renderers interpolate T and N without orthonormalising them again; this inverts that exactly. By Cramer's rule x is
@@ -155,11 +145,10 @@ def _to_tangent_space(
     across = _dot(normal, tangent)
     (x, y, z), (u, v, w) = normal, tangent
     bitangent = np.stack([y * w - z * v, z * u - x * w, x * v - y * u])
-    solved: NDArray[np.float32] = np.stack(
+    return np.stack(
         [
             along_tangent * _dot(normal, normal) - along_normal * across,
             _dot(vectors, bitangent) * sign,
             along_normal * _dot(tangent, tangent) - along_tangent * across,
         ]
     )
-    return solved

@@ -1,23 +1,22 @@
 """Texture files: where and how they are written, the meshes of each, and a record of what was written."""
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
 from mpsnet_core.arrays.rasterize import extend_to_nearest
-from mpsnet_core.bake.base_detail_removal import BaseMapInPhotos
-from mpsnet_core.bake.base_maps import BaseMaps, base_map_files
-from mpsnet_core.bake.detail_blending import blend_detail
+from mpsnet_core.bake.base_maps import BaseMaps, base_map_files, blend_detail, check_blending
+from mpsnet_core.bake.operations import Bake, BakesDetail, BakeViews, WrittenTexture
 from mpsnet_core.bake.presets import PRESETS, preset_output
-from mpsnet_core.bake.written_texture import WrittenTexture
-from mpsnet_core.errors import SettingsError
+from mpsnet_core.bake.settings import BakeSettings
+from mpsnet_core.defaults import MARGIN
+from mpsnet_core.errors import GeometryError, SettingsError
 from mpsnet_core.estimate.albedo import write_albedo
-from mpsnet_core.io.files import check_ending, check_no_overwrite, ensure_folder, file_suffix, writable_path
+from mpsnet_core.io import files as disk
 from mpsnet_core.io.image_writing import write_mask
-from mpsnet_core.scene.mesh import Mesh
-from mpsnet_core.scene.mesh_labels import Labels
+from mpsnet_core.scene.mesh import Labels, Mesh
 from mpsnet_core.scene.normal_encoding import Convention
 from mpsnet_core.scene.texture import Texture, write_texture
 from mpsnet_core.scene.texture_names import albedo_file, split_by, texture_files, tile_patterns
@@ -49,45 +48,61 @@ class TextureTarget:
         return folder / f"{folder.name}_{number:0{digits}d}{self.suffix}"
 
 
-def texture_target(
-    output: str,
-    meshes: Sequence[str],
-    *,
-    preset: str | None = None,
-    ending: str | None = None,
-    convention: Convention | None = None,
-    bits: int | None = None,
-    sequence: bool = False,
-) -> TextureTarget:
+def texture_target(options: Bake | BakeViews, *, sequence: bool = False) -> TextureTarget:
     """The target of textures, completed from the preset if there is one.
 
-    With a preset, an output folder becomes the preset's file in it. ending: the files' format, with or without a dot.
-    sequence: the output is a folder of frames, whose names are fixed.
+    With a preset, an output folder becomes the preset's file in it. sequence: the output is a folder of frames, whose
+    names are fixed.
 
-    Raises SettingsError if the preset is unknown, the options do not fit the output's suffix, or several meshes share
-    a texture and the output is a folder: no preset has a file name for it.
+    Raises InputError if the options do not fit one another or the output's suffix, the output cannot be written, or
+    several meshes share a texture and the output is a folder: no preset has a file name for it.
     """
-    suffix = file_suffix(ending) if ending else None
-    if preset is None:
+    if options.onto:
+        check_blending(options.space)
+    elif options.onto_convention != "opengl" or options.onto_shown != "auto":
+        raise SettingsError("--onto-convention and --onto-shown describe the map of --onto; give that, too")
+    ending, output = getattr(options, "format", None), options.output
+    suffix = disk.file_suffix(ending) if ending else None
+    if options.preset is None:
         if suffix and not sequence:
-            check_ending(Path(output), suffix)
-        return TextureTarget(output, convention or "opengl", bits, suffix or ".png")
-    wanted = PRESETS[preset]
+            disk.check_ending(Path(output), suffix)
+        target = TextureTarget(output, options.convention or "opengl", options.bits, suffix or ".png")
+    else:
+        wanted = PRESETS[options.preset]
+        if not sequence:
+            output = _preset_file(options, suffix)
+        # The preset's bits apply to its own format alone.
+        bits = wanted.bits if options.bits is None and suffix in (None, wanted.suffix) else options.bits
+        target = TextureTarget(output, options.convention or wanted.convention, bits, suffix or wanted.suffix)
     if not sequence:
-        folder = output.endswith(("/", "\\"))
-        if len(meshes) > 1 and (folder or Path(output).is_dir()):
-            raise SettingsError(
-                f"a preset names a texture after its mesh, and {len(meshes)} share this one; give its file "
-                f"with --output, such as {output.rstrip('/')}/{wanted.stem('name')}{wanted.suffix}"
-            )
-        target = preset_output(wanted, output, Path(meshes[0]).stem, suffix)
-        if folder:
-            ensure_folder(target.parent, "texture")
-        output = str(target)
-    suffix = suffix or wanted.suffix
-    # The preset's bits apply to its own format alone.
-    own_bits = wanted.bits if suffix == wanted.suffix else None
-    return TextureTarget(output, convention or wanted.convention, own_bits if bits is None else bits, suffix)
+        disk.writable_image(target.output, target.bits)
+    return target
+
+
+def _preset_file(options: Bake | BakeViews, suffix: str | None) -> str:
+    wanted, output = PRESETS[options.preset or ""], options.output
+    folder = output.endswith(("/", "\\"))
+    if len(options.mesh) > 1 and (folder or Path(output).is_dir()):
+        raise SettingsError(
+            f"a preset names a texture after its mesh, and {len(options.mesh)} share this one; give its file "
+            f"with --output, such as {output.rstrip('/')}/{wanted.stem('name')}{wanted.suffix}"
+        )
+    target = preset_output(wanted, output, Path(options.mesh[0]).stem, suffix)
+    if folder:
+        disk.ensure_folder(target.parent, "texture")
+    return str(target)
+
+
+def bake_settings(options: BakesDetail, feather: float) -> BakeSettings:
+    """How the textures are baked.
+
+    Raises SettingsError if an option is out of range, or a margin is given that the padding does not use.
+    """
+    if options.margin is not None and options.padding in ("push-pull", "none"):
+        raise SettingsError(f"--margin goes with --padding nearest, not with {options.padding}; leave it out")
+    margin, size = MARGIN if options.margin is None else options.margin, options.texture_size()
+    how = options.samples, feather, options.strength, options.fill
+    return BakeSettings(size, options.space, margin, options.padding, *how)
 
 
 @dataclass(frozen=True)
@@ -112,42 +127,30 @@ class BakePlan:
     """Folder for coverage maps; None for none."""
 
 
-def planned(
-    target: TextureTarget,
-    mesh_files: Sequence[str],
-    protected_paths: Sequence[Path],
-    read_mesh: Callable[[str], Mesh],
-    *,
-    onto: str | None = None,
-    onto_convention: Convention = "opengl",
-    onto_shown: BaseMapInPhotos = "auto",
-    albedo: bool = False,
-    coverage: str | None = None,
-) -> BakePlan:
+def planned(options: Bake | BakeViews, target: TextureTarget, protected_paths: Sequence[Path]) -> BakePlan:
     """Read the meshes, and plan the textures of the target.
 
-    protected_paths: files that no texture may overwrite. read_mesh: reads a mesh file. onto, onto_convention: as for
-    :func:`base_map_files`. onto_shown: whether the photos show that map. albedo: whether the views' colours are baked
-    as well. coverage: see :class:`BakePlan`.
+    protected_paths: files that no texture may overwrite.
 
     Raises InputError if a mesh cannot be read, no texture has a base map, or a texture cannot be written.
     """
     by = split_by(target.output)
-    meshes = [read_mesh(file) for file in mesh_files]
+    meshes = [options.read_mesh(file) for file in options.mesh]
     if "object" in by:
-        meshes = [_named(mesh, Path(file).stem) for mesh, file in zip(meshes, mesh_files, strict=True)]
+        meshes = [_named(mesh, Path(file).stem) for mesh, file in zip(meshes, options.mesh, strict=True)]
     if "material" in by and not any(mesh.materials for mesh in meshes):
-        raise SettingsError(f"{' and '.join(mesh_files)}: there are no materials; leave <MATERIAL> out of --output")
+        raise SettingsError(f"{' and '.join(options.mesh)}: there are no materials; leave <MATERIAL> out of --output")
     chosen = texture_sets(meshes, tiles="tile" in by, materials="material" in by, objects="object" in by)
     files = texture_files(target.output, chosen)
-    base_files = base_map_files(onto, onto_convention, chosen) if onto else [None] * len(chosen)
+    onto, coloured = options.onto, options.albedo if isinstance(options, Bake) else options.white
+    base_files = base_map_files(onto, options.onto_convention, chosen) if onto else [None] * len(chosen)
     albedos = texture_files(albedo_file(Path(target.output)), chosen)
-    folder = ensure_folder(coverage, "coverage") if coverage else None
+    folder = disk.ensure_folder(options.coverage, "coverage") if options.coverage else None
     seen = [folder / file.name for file in files] if folder else ()
-    written = map(writable_path, [*files, *(albedos if albedo else ()), *seen])
-    check_no_overwrite([*protected_paths, *(present.file for present in base_files if present)], written)
-    check_no_overwrite(files, seen)
-    base_maps = BaseMaps(base_files, chosen, meshes, onto_shown)
+    written = map(disk.writable_path, [*files, *(albedos if coloured else ()), *seen])
+    disk.check_no_overwrite([*protected_paths, *(present.file for present in base_files if present)], written)
+    disk.check_no_overwrite(files, seen)
+    base_maps = BaseMaps(base_files, chosen, meshes, options.onto_shown)
     return BakePlan(target, meshes, chosen, files, albedos, tile_patterns(target.output, chosen), base_maps, folder)
 
 
@@ -178,21 +181,13 @@ def write_textures(
         coverage = plan.coverage / file.name if plan.coverage else None
         if coverage is not None:
             write_coverage(coverage, texture)
-        filled = texture.filled_fraction
-        written = WrittenTexture(
-            str(file),
-            round(texture.seen_fraction, 4),
-            None if filled is None else round(filled, 4),
-            int(texture.covered.sum()),
-            texture_set.tile,
-            texture_set.material,
-            texture_set.object,
-            str(albedo) if albedo else None,
-            str(coverage) if coverage else None,
-            str(pattern) if tiled else None,
-            str(albedo_file(pattern)) if tiled and albedo else None,
-            str(coverage.with_name(pattern.name)) if tiled and coverage else None,
-        )
+        share = texture.filled_fraction
+        filled, texels = None if share is None else round(share, 4), int(texture.covered.sum())
+        parts = texture_set.tile, texture_set.material, texture_set.object
+        of_all = pattern, albedo and albedo_file(pattern), coverage and coverage.with_name(pattern.name)
+        paths = (albedo, coverage, *(of_all if tiled else (None,) * 3))
+        names = [str(one) if one else None for one in paths]
+        written = WrittenTexture(str(file), round(texture.seen_fraction, 4), filled, texels, *parts, *names)
         yield texture_set, written, texture
         del texture
 
@@ -206,16 +201,26 @@ def write_coverage(path: Path, texture: Texture) -> None:
     write_mask(path, around)
 
 
-def shares_of(written: Sequence[WrittenTexture]) -> tuple[float, float | None]:
-    """The fractions of all textures' surface that some view saw and that were filled, None without filling."""
+def checked_shares(options: BakesDetail, written: Sequence[WrittenTexture]) -> tuple[float, float | None]:
+    """The fractions of all textures' surface that some view saw and that were filled, None without filling.
+
+    Raises GeometryError if too little was seen.
+    """
     texels = sum(texture.texels for texture in written)
-    seen = sum(texture.seen * texture.texels for texture in written) / texels
+    seen = round(sum(texture.seen * texture.texels for texture in written) / texels, 4)
     filled = [texture.filled * texture.texels for texture in written if texture.filled is not None]
-    return round(seen, 4), round(sum(filled) / texels, 4) if filled else None
+    if seen < options.least_seen:
+        raise GeometryError(
+            f"the views see only {seen:.0%} of the surface, less than {options.least_seen:.0%} (--least-seen): "
+            "nothing is written; was the object or a camera moved, or its mesh or mask changed? [less-seen]"
+        )
+    return seen, round(sum(filled) / texels, 4) if filled else None
 
 
-def format_textures(written: Sequence[WrittenTexture], facts: str) -> str:
-    """A line for each texture: its file, texture set and seen fraction. facts: properties that all share."""
+def format_textures(options: BakesDetail, target: TextureTarget, written: Sequence[WrittenTexture]) -> str:
+    """A line for each texture: its file, its properties and what was seen of it."""
+    width, height = options.texture_size()
+    facts = f"{width} x {height}, {options.space} space, {target.convention}"
     lines = [
         f"{texture.output}: {facts}, {texture.seen:.1%} of its surface seen"
         + (f", {texture.filled:.1%} filled" if texture.filled is not None else "")

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from mpsnet_core.arrays.robust_statistics import biweight, deviation
+from mpsnet_core.arrays.statistics import biweight, deviation
 from mpsnet_core.arrays.unit_vectors import dot, normalised
 from mpsnet_core.errors import GeometryError, SettingsError
 from mpsnet_core.scene.camera import Camera

@@ -6,8 +6,8 @@ from contextlib import suppress
 import numpy as np
 from numpy.typing import NDArray
 
-from mpsnet_core.arrays.block_means import block_means
 from mpsnet_core.arrays.mask_regions import box_sums, dilated
+from mpsnet_core.arrays.resampling import block_means
 from mpsnet_core.calibrate.ball import Ball, Circle, fit_ball
 from mpsnet_core.calibrate.outlines import Pyramid, near_outline, sharp_outline
 from mpsnet_core.errors import GeometryError

@@ -13,15 +13,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mpsnet_core.arrays.block_means import block_means
 from mpsnet_core.arrays.mask_regions import bounding_box
+from mpsnet_core.arrays.resampling import block_means
 from mpsnet_core.arrays.unit_vectors import normalised
 from mpsnet_core.errors import GeometryError
 from mpsnet_core.io.image import Image
 from mpsnet_core.scene.camera import Camera, camera_for
 from mpsnet_core.scene.mesh import Mesh
-from mpsnet_core.scene.mesh_hits import mesh_hits
-from mpsnet_core.scene.rays import RayScene
+from mpsnet_core.scene.rays import RayScene, mesh_hits
 
 # Maps light directions (3, 3) to (P, 3) which lights reach each point, shadows of the mesh included.
 Reached = Callable[[NDArray[np.float64]], NDArray[np.bool_]]

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from mpsnet_core.arrays.robust_statistics import DEVIATIONS, biweight, deviation
+from mpsnet_core.arrays.statistics import DEVIATIONS, biweight, deviation
 from mpsnet_core.arrays.unit_vectors import angular_error, dot, normalised
 from mpsnet_core.calibrate.ball import Ball, surface
 from mpsnet_core.errors import GeometryError, SettingsError

@@ -6,8 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from mpsnet_core.arrays.bilinear import bilinear
-from mpsnet_core.arrays.block_means import block_means
+from mpsnet_core.arrays.resampling import bilinear, block_means
 from mpsnet_core.calibrate.ball import Ball, fit_ball
 
 # Search range around a circle, as shares of the radius: of successive rounds, and of the final fit.

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from mpsnet_core.arrays.rasterize import extend_to_nearest
-from mpsnet_core.arrays.sampling import sampled_rows
+from mpsnet_core.arrays.resampling import sampled_rows
 from mpsnet_core.arrays.sizes import SAME_CAMERA, check_same_size
 from mpsnet_core.capture.white_edges import shows_another_scene
 from mpsnet_core.errors import FormatError, GeometryError, NoObject, Note, SettingsError

@@ -15,8 +15,7 @@ from mpsnet_core.errors import FormatError, SettingsError
 from mpsnet_core.io.frames import expand_images
 from mpsnet_core.io.image import CHANNELS, Image, exposed_otherwise, in_frame_of, in_one_frame, turned
 from mpsnet_core.io.image_encoding import Encoding
-from mpsnet_core.io.image_layers import layer_in
-from mpsnet_core.io.image_reading import read_image
+from mpsnet_core.io.image_reading import layer_in, read_image
 
 log = logging.getLogger(__name__)
 

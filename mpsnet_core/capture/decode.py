@@ -10,10 +10,9 @@ import numpy as np
 from mpsnet_core.capture.correction import Correction
 from mpsnet_core.io.image import Assumed, Image, exposed_otherwise, in_frame_of
 from mpsnet_core.io.image_encoding import Encoding, otherwise_encoded
-from mpsnet_core.io.image_layers import layer_in
-from mpsnet_core.io.image_reading import read_image
+from mpsnet_core.io.image_reading import layer_in, read_image
 from mpsnet_core.scene.camera import Camera
-from mpsnet_core.scene.photogrammetry.lens import Lens, undistorted, undistorted_mask
+from mpsnet_core.scene.photogrammetry.posed_photo import Lens, undistorted, undistorted_mask
 
 log = logging.getLogger(__name__)
 

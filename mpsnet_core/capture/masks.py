@@ -9,7 +9,6 @@ from typing import Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from mpsnet_core.arrays.block_means import block_means
 from mpsnet_core.arrays.mask_regions import (
     dilated,
     eroded,
@@ -18,9 +17,10 @@ from mpsnet_core.arrays.mask_regions import (
     labelled,
     remove_small_regions,
 )
-from mpsnet_core.arrays.robust_statistics import deviation
+from mpsnet_core.arrays.resampling import block_means
 from mpsnet_core.arrays.row_bands import bands
 from mpsnet_core.arrays.sizes import SAME_CAMERA, check_same_size
+from mpsnet_core.arrays.statistics import deviation
 from mpsnet_core.capture.correction import Correction, corrected
 from mpsnet_core.capture.decode import AS_STATED, PhotoReadOptions
 from mpsnet_core.defaults import MASK

@@ -10,8 +10,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from mpsnet_core.arrays.resampling import chosen_pixels
 from mpsnet_core.arrays.sizes import check_same_size
-from mpsnet_core.arrays.upsample import chosen_pixels
 from mpsnet_core.capture.capture import Capture, checked_white, depth_within, doubts
 from mpsnet_core.capture.correction import Correction, corrected
 from mpsnet_core.capture.decode import AS_STATED, PhotoReadOptions, undistorted_photo
@@ -33,8 +33,8 @@ from mpsnet_core.io.from_files import takes_files
 from mpsnet_core.io.image import Image
 from mpsnet_core.io.image_encoding import Encoding, otherwise_encoded
 from mpsnet_core.scene.camera import Camera, camera_for
-from mpsnet_core.scene.mesh_depth import depth_of_mesh, mesh_mask
-from mpsnet_core.scene.photogrammetry.lens import undistorted_mask
+from mpsnet_core.scene.photogrammetry.posed_photo import undistorted_mask
+from mpsnet_core.scene.rays import depth_of_mesh, mesh_mask
 from mpsnet_core.scene.rig import LightRig
 from mpsnet_core.scene.rig_check import warn_of_wrong_rig
 

@@ -169,8 +169,7 @@ class HasViewpoint(TakesMesh, HasLens):
         from mpsnet_core.capture.sources import Source
         from mpsnet_core.io.files import prefix_errors
         from mpsnet_core.scene.camera import Camera
-        from mpsnet_core.scene.mesh_depth import depth_of_mesh
-        from mpsnet_core.scene.rays import RayScene
+        from mpsnet_core.scene.rays import RayScene, depth_of_mesh
         from mpsnet_core.scene.rig import read_rig
 
         if self.mesh and self.distance is not None:

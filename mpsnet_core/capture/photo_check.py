@@ -7,10 +7,10 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from mpsnet_core.arrays.block_means import block_means
 from mpsnet_core.arrays.crests import crests
 from mpsnet_core.arrays.mask_regions import bounding_box, box_sums, dilated
-from mpsnet_core.arrays.robust_statistics import DEVIATIONS
+from mpsnet_core.arrays.resampling import block_means
+from mpsnet_core.arrays.statistics import DEVIATIONS
 from mpsnet_core.arrays.unit_vectors import angular_error
 from mpsnet_core.capture.capture import ALIKE, PAIRS, channel_angles, finite_inside
 from mpsnet_core.capture.transfer import CLOSE, DECIDED

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from mpsnet_core.defaults import MASK
 from mpsnet_core.io.image import Image
 from mpsnet_core.scene.camera import Camera
-from mpsnet_core.scene.photogrammetry.lens import Lens
+from mpsnet_core.scene.photogrammetry.posed_photo import Lens
 from mpsnet_core.scene.rays import RayScene
 from mpsnet_core.scene.rig import LightRig
 

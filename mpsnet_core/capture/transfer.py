@@ -7,8 +7,8 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from mpsnet_core.arrays.block_means import block_means
 from mpsnet_core.arrays.gradient_derivatives import gradient_derivatives
+from mpsnet_core.arrays.resampling import block_means
 from mpsnet_core.io.image import Assumed, linear_to_srgb, srgb_to_linear
 from mpsnet_core.scene.rig import LightRig
 from mpsnet_core.scene.rig_check import equal_albedo

@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mpsnet_core.arrays.block_means import block_means
 from mpsnet_core.arrays.mask_regions import bounding_box
+from mpsnet_core.arrays.resampling import block_means
 
 # The object's size, in pixels, to which both photos are reduced: noise averages out.
 SIDE = 192

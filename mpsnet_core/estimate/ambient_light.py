@@ -6,7 +6,7 @@ import numpy as np
 
 from mpsnet_core.arrays.mask_regions import eroded
 from mpsnet_core.arrays.orientation import blocks_of, is_round, orientation_measures
-from mpsnet_core.arrays.sampling import grid_step
+from mpsnet_core.arrays.resampling import grid_step
 from mpsnet_core.arrays.unit_vectors import normalised
 from mpsnet_core.capture.capture import Capture
 from mpsnet_core.scene.normal_map import NormalMap

@@ -7,10 +7,9 @@ from typing import Any, Protocol, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from mpsnet_core.arrays.block_means import means_inside
 from mpsnet_core.arrays.mask_regions import bounding_box
+from mpsnet_core.arrays.resampling import chosen_pixels, means_inside, upsampled
 from mpsnet_core.arrays.unit_vectors import normalised
-from mpsnet_core.arrays.upsample import chosen_pixels, upsampled
 from mpsnet_core.capture.capture import Capture
 from mpsnet_core.estimate.card import ModelCard
 from mpsnet_core.estimate.features import CONSTANTS, PhotoCrop, channel_count, feature_map, mean_light

@@ -10,8 +10,8 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from mpsnet_core.arrays.resampling import grid_step
 from mpsnet_core.arrays.row_bands import bands
-from mpsnet_core.arrays.sampling import grid_step
 from mpsnet_core.capture.capture import Capture
 
 # A firefly is brighter than its neighbours, and than the object's bright pixels, by more than this factor.

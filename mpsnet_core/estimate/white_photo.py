@@ -22,9 +22,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from mpsnet_core.arrays.robust_statistics import deviation
+from mpsnet_core.arrays.resampling import grid_step
 from mpsnet_core.arrays.row_bands import bands
-from mpsnet_core.arrays.sampling import grid_step
+from mpsnet_core.arrays.statistics import deviation
 from mpsnet_core.capture.capture import WHITE_MISFIT, Capture
 from mpsnet_core.estimate.distant_lights import lights_in
 

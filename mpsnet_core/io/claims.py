@@ -8,6 +8,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from mpsnet_core.errors import FileError
+from mpsnet_core.io.opening import AnyPath
 
 LOCK_FILE = "job.lock"
 
@@ -44,7 +45,7 @@ class Claims:
     Raises FileError if the lock file cannot be created, or the file system does not support locks.
     """
 
-    def __init__(self, folder: str | os.PathLike[str]) -> None:
+    def __init__(self, folder: AnyPath) -> None:
         self._path = Path(folder) / LOCK_FILE
         try:
             self._file = os.open(self._path, os.O_RDWR | os.O_CREAT | NO_LINK, 0o666)

@@ -28,9 +28,7 @@ def describe_unexpected_error(error: BaseException, folder: Path | None = None) 
         return f"a library cannot be loaded ({reason}); install Microsoft's Visual C++ runtime from {VISUAL_C_RUNTIME}"
     log = _write_log(error, folder)
     advice = f"its traceback is in {log}; please send that file" if log else "no log could be written; please send this"
-    return in_one_line(
-        f"this is a fault of the program, not yours ({reason}); {advice} to the people you got the program from"
-    )
+    return in_one_line(f"this is a fault of the program, not yours ({reason}); {advice} to its makers")
 
 
 def _write_log(error: BaseException, folder: Path | None) -> str:

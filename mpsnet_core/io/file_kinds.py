@@ -8,7 +8,7 @@ from math import inf
 from pathlib import Path
 from typing import IO, Any
 
-from mpsnet_core.io.opening import is_file
+from mpsnet_core.io.opening import AnyPath, is_file
 
 PNG_SIGNATURE = b"\x89PNG\r\n\x1a\n"
 # First bytes of the formats that OpenImageIO reads for us. TGA files have none, and are known by their suffix alone.
@@ -23,7 +23,8 @@ _OTHERS = {
     b"%PDF": "a PDF document",
 }
 HEIC, AVIF = "HEIC", "AVIF"
-# Our names of attributes of a file that OpenImageIO does not read.
+# Our names of attributes: the format's name, whether there is a palette, and what OpenImageIO does not read.
+FORMAT, PALETTE = "mpsnet:format", "mpsnet:palette"
 TRANSFER, STATES_CURVE, STATES_TABLE = "mpsnet:transfer", "mpsnet:states_curve", "mpsnet:states_table"
 EXPOSURE = ("mpsnet:exposure_red", "mpsnet:exposure_green", "mpsnet:exposure_blue")
 _HEIC_BRANDS = (b"heic", b"heix", b"heim", b"heis", b"hevc", b"hevx", b"mif1", b"msf1")
@@ -35,7 +36,7 @@ ORIENTATION, COMPRESSION, TRANSFER_FUNCTION, SUB_DIRECTORIES, JPEG_XL = 274, 259
 MAX_DIRECTORIES, MAX_ENTRIES, MAX_CHUNKS, MAX_BODY, MAX_HEADER = 64, 512, 65_536, 64, 65_536
 
 
-def file_head(path: str | os.PathLike[str], size: int = HEAD) -> bytes:
+def file_head(path: AnyPath, size: int = HEAD) -> bytes:
     """The first bytes of a file, empty if it is none or cannot be read."""
     if not is_file(path):
         return b""
@@ -46,7 +47,7 @@ def file_head(path: str | os.PathLike[str], size: int = HEAD) -> bytes:
         return b""
 
 
-def is_readable(path: str | os.PathLike[str], head: bytes) -> bool:
+def is_readable(path: AnyPath, head: bytes) -> bool:
     """Whether OpenImageIO may open a file that begins with `head`."""
     webp = head[:4] == b"RIFF" and head[8:12] == b"WEBP"
     return head.startswith(READABLE) or webp or (Path(path).suffix.lower() == ".tga" and not kind_of(head))
@@ -62,7 +63,7 @@ def kind_of(head: bytes) -> str:
     return next((name for start, name in _OTHERS.items() if head.startswith(start)), "")
 
 
-def png_chunks(path: str | os.PathLike[str]) -> dict[bytes, bytes]:
+def png_chunks(path: AnyPath) -> dict[bytes, bytes]:
     """The chunks before a PNG's pixels by their names: the first bytes of each. Empty for other files."""
     chunks: dict[bytes, bytes] = {}
     with Path(path).open("rb") as file:
@@ -78,7 +79,7 @@ def png_chunks(path: str | os.PathLike[str]) -> dict[bytes, bytes]:
     return chunks
 
 
-def webp_orientation(path: str | os.PathLike[str]) -> int | None:
+def webp_orientation(path: AnyPath) -> int | None:
     """The EXIF orientation of a WebP file, which OpenImageIO 3.0 does not read; None if it states none."""
     with Path(path).open("rb") as file:
         if file.read(12)[8:] != b"WEBP":
@@ -97,7 +98,7 @@ def webp_orientation(path: str | os.PathLike[str]) -> int | None:
     return None
 
 
-def stated_beside(path: str | os.PathLike[str], kind: str) -> dict[str, int | float]:
+def stated_beside(path: AnyPath, kind: str) -> dict[str, int | float]:
     """What a file of the format `kind`, as OpenImageIO names it, states and OpenImageIO 3.0 does not read.
 
     By our names of attributes, those that a file lacks left out: the code of its transfer curve by ITU-T H.273; whether
@@ -113,7 +114,7 @@ def stated_beside(path: str | os.PathLike[str], kind: str) -> dict[str, int | fl
     return dict(zip(EXPOSURE, _radiance_exposure(path), strict=True)) if kind == "hdr" else {}
 
 
-def _radiance_exposure(path: str | os.PathLike[str]) -> list[float]:
+def _radiance_exposure(path: AnyPath) -> list[float]:
     factors = [1.0, 1.0, 1.0]
     for line in file_head(path, MAX_HEADER).partition(b"\n\n")[0].decode("latin-1").splitlines():
         name, _, value = line.partition("=")
@@ -127,7 +128,7 @@ def _radiance_exposure(path: str | os.PathLike[str]) -> list[float]:
     return factors
 
 
-def is_in_jpeg_xl(path: str | os.PathLike[str]) -> bool:
+def is_in_jpeg_xl(path: AnyPath) -> bool:
     """Whether a TIFF or DNG file has pixels that are compressed as JPEG XL, as in Apple's ProRAW."""
     with Path(path).open("rb") as file:
         return any(JPEG_XL in one.get(COMPRESSION, ()) for one in tiff_directories(file))

@@ -29,9 +29,9 @@ from typing import Any
 from mpsnet_core.errors import FileError, FormatError, InputError, SettingsError
 from mpsnet_core.io.marks import is_ours
 from mpsnet_core.io.opening import MAX_TEXT_BYTES as MAX_TEXT_BYTES
+from mpsnet_core.io.opening import AnyPath, kind_of
 from mpsnet_core.io.opening import existing_file as existing_file
 from mpsnet_core.io.opening import is_file as is_file
-from mpsnet_core.io.opening import kind_of
 from mpsnet_core.operation import running
 from mpsnet_core.uninterrupted import uninterrupted
 
@@ -107,7 +107,7 @@ def write_transaction() -> Iterator[None]:
 
 
 @contextmanager
-def atomic_write(path: str | os.PathLike[str]) -> Iterator[Path]:
+def atomic_write(path: AnyPath) -> Iterator[Path]:
     """Yield an empty file next to `path` to write to; rename it to `path` on success, remove it on failure.
 
     It exists from the start, so nobody can put a link in its place. :func:`remove_unfinished` cleans up after a killed
@@ -148,7 +148,7 @@ def temporary_folder() -> Iterator[Path]:
         _remove(folder)
 
 
-def remove_file(path: str | os.PathLike[str]) -> None:
+def remove_file(path: AnyPath) -> None:
     """Remove a file if it exists; in a block of :func:`write_transaction`, at the block's end.
 
     Raises FileError if it is not the running operation's to remove.
@@ -247,7 +247,7 @@ def _place() -> str:
     return f"{zlib.crc32(f'{platform.node()} {namespace}'.encode()):08x}"
 
 
-def writable_path(path: str | os.PathLike[str]) -> Path:
+def writable_path(path: AnyPath) -> Path:
     """`path` as a Path, for checks before long work. Raises FileError if no file can be written there."""
     path = Path(path)
     if not is_utf8(path):
@@ -267,7 +267,7 @@ def writable_path(path: str | os.PathLike[str]) -> Path:
     return path
 
 
-def check_own(path: str | os.PathLike[str], *, derived: bool = False, json_format: str = "") -> None:
+def check_own(path: AnyPath, *, derived: bool = False, json_format: str = "") -> None:
     """Raise FileError if a file may not be written or removed, because this program derived its name.
 
     A derived name may neither be a link nor lie behind one, as folders from other people may hold links to any file of
@@ -296,9 +296,7 @@ def check_no_link(path: Path) -> None:
     """Raise FileError if a file would be written through a link: one in an untrusted folder may lead to a file of the
     user's."""
     if path.is_symlink():
-        raise FileError(
-            f"{path} is a link to {path.readlink()}, and files are not written through links; remove the link"
-        )
+        raise FileError(f"{path} is a link to {path.readlink()}, through which no file is written; remove it")
 
 
 def _behind_link(path: Path) -> Path:
@@ -335,7 +333,7 @@ def checked_bits(path: Path, bits: int | None = None) -> int:
     return bits
 
 
-def stored_levels(path: str | os.PathLike[str], bits: int | None = None) -> int | None:
+def stored_levels(path: AnyPath, bits: int | None = None) -> int | None:
     """The highest level of an image file of integers with those bits, 255 or 65535; None if it holds floats.
 
     Raises as :func:`checked_bits` does.
@@ -344,14 +342,14 @@ def stored_levels(path: str | os.PathLike[str], bits: int | None = None) -> int 
     return None if bits == 32 or Path(path).suffix.lower() == ".exr" else (1 << bits) - 1
 
 
-def writable_image(path: str | os.PathLike[str], bits: int | None = None) -> Path:
+def writable_image(path: AnyPath, bits: int | None = None) -> Path:
     """`path` as a Path, for checks before long work. Raises as :func:`writable_path` and :func:`checked_bits` do."""
     path = writable_path(path)
     checked_bits(path, bits)
     return path
 
 
-def check_no_overwrite(taken: Iterable[str | os.PathLike[str]], outputs: Iterable[str | os.PathLike[str]]) -> None:
+def check_no_overwrite(taken: Iterable[AnyPath], outputs: Iterable[AnyPath]) -> None:
     """Raise FileError if one of `outputs` is also an input (`taken`) or an earlier output."""
     needed, made = set(map(_as_compared, taken)), set[Path]()
     for output in outputs:
@@ -362,13 +360,13 @@ def check_no_overwrite(taken: Iterable[str | os.PathLike[str]], outputs: Iterabl
         made.add(file)
 
 
-def _as_compared(path: str | os.PathLike[str]) -> Path:
+def _as_compared(path: AnyPath) -> Path:
     """A resolved path that is equal for equal files: macOS ignores case and the composition of accents."""
     file = resolved(path)
     return Path(unicodedata.normalize("NFC", str(file)).casefold()) if sys.platform == "darwin" else file
 
 
-def is_utf8(path: str | os.PathLike[str]) -> bool:
+def is_utf8(path: AnyPath) -> bool:
     """Whether a path is valid UTF-8. One from another system may not be."""
     try:
         os.fspath(path).encode()
@@ -377,7 +375,7 @@ def is_utf8(path: str | os.PathLike[str]) -> bool:
     return True
 
 
-def resolved(path: str | os.PathLike[str]) -> Path:
+def resolved(path: AnyPath) -> Path:
     """A path with its links resolved. One that links to itself, or is invalid (from a JSON file, say), is unchanged:
     opening it reports the error."""
     try:
@@ -407,7 +405,7 @@ def _create(path: Path) -> None:
     os.close(os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o666))
 
 
-def creatable_folder(path: str | os.PathLike[str], what: str) -> Path:
+def creatable_folder(path: AnyPath, what: str) -> Path:
     """`path` as a folder for `what` that exists or can be created, for checks before long work. Raises FileError."""
     path = Path(path)
     if not is_utf8(path):
@@ -418,13 +416,11 @@ def creatable_folder(path: str | os.PathLike[str], what: str) -> Path:
         raise FileError(f"cannot make folder {path}: {path.parent} does not exist; create it first")
     folder = path if path.is_dir() else path.parent
     if not _can_be_created(folder / "file"):
-        raise FileError(
-            f"cannot put the {what} into {path}: the folder {folder} cannot be written to; choose another folder"
-        )
+        raise FileError(f"cannot put the {what} into {path}: {folder} cannot be written to; choose another folder")
     return path
 
 
-def ensure_folder(path: str | os.PathLike[str], what: str) -> Path:
+def ensure_folder(path: AnyPath, what: str) -> Path:
     """`path` as a folder for `what`, created if it is missing. Raises FileError if that fails."""
     path = creatable_folder(path, what)
     if path.is_dir():
@@ -440,7 +436,7 @@ def ensure_folder(path: str | os.PathLike[str], what: str) -> Path:
     return path
 
 
-def remove_unfinished(folder: str | os.PathLike[str], pid: int) -> None:
+def remove_unfinished(folder: AnyPath, pid: int) -> None:
     """Remove the unfinished files that the killed process `pid` left in `folder`."""
     for left in Path(folder).glob(f".*.{pid}-{_place()}-*.unfinished*"):
         _remove(left)
@@ -452,7 +448,7 @@ def remove_own_unfinished() -> None:
         remove_unfinished(folder, os.getpid())
 
 
-def remove_abandoned(folder: str | os.PathLike[str]) -> None:
+def remove_abandoned(folder: AnyPath) -> None:
     """Remove the unfinished files of killed processes from `folder`; those of other hosts or containers stay."""
     for file in Path(folder).glob(".*.unfinished*"):
         found = re.search(rf"\.(\d+)-{_place()}-[0-9a-f]+\.unfinished", file.name)
@@ -508,7 +504,7 @@ def check_small(path: Path, what: str) -> None:
         raise FormatError(f"{path} is larger than 1 MiB and so {what}; check the path")
 
 
-def read_json(path: str | os.PathLike[str], format_name: str, version: int, keys: Collection[str]) -> dict[str, Any]:
+def read_json(path: AnyPath, format_name: str, version: int, keys: Collection[str]) -> dict[str, Any]:
     """Read a JSON object whose "format" is `format_name` and whose "version" is at most `version`.
 
     keys: its other keys. Raises FileError if it is missing; FormatError if it is another file, or has an unknown key,
@@ -536,7 +532,7 @@ def read_json(path: str | os.PathLike[str], format_name: str, version: int, keys
     return fields
 
 
-def write_json(path: str | os.PathLike[str], data: dict[str, Any]) -> None:
+def write_json(path: AnyPath, data: dict[str, Any]) -> None:
     """Write `data` atomically as indented JSON."""
     check_own(path, json_format=str(data.get("format", "")))
     with atomic_write(path) as unfinished:

@@ -2,13 +2,13 @@
 
 import logging
 import math
-import os
 from contextlib import closing
 from pathlib import Path
 from typing import Any
 
 from mpsnet_core.io.files import RAW_SUFFIXES
 from mpsnet_core.io.image_input import image_attribute, image_input
+from mpsnet_core.io.opening import AnyPath
 
 log = logging.getLogger(__name__)
 
@@ -23,7 +23,7 @@ SAME_ASPECT = 1.02
 _UNITS = {2: 25.4, 3: 10.0, 4: 1.0, 5: 0.001}
 
 
-def stated_focal(path: str | os.PathLike[str]) -> float | None:
+def stated_focal(path: AnyPath) -> float | None:
     """The 35 mm equivalent focal length along the longer side that a photo states, in millimetres.
 
     It is that of EXIF's FocalLengthIn35mmFilm, else of FocalLength and the sensor's resolution. None if the photo
@@ -52,9 +52,7 @@ def stated_focal(path: str | os.PathLike[str]) -> float | None:
         and recorded[1]
         and abs(math.log(size[0] / size[1] * recorded[1] / recorded[0])) > math.log(SAME_ASPECT)
     ):
-        log.info(
-            "%s was cropped from %.0f x %.0f pixels, so its lens of %.0f mm (EXIF) is not used", name, *recorded, focal
-        )
+        log.info("%s was cropped from %.0f x %.0f pixels, so its lens (%.0f mm) is not used", name, *recorded, focal)
         return None
     return focal
 

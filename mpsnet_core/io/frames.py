@@ -3,10 +3,9 @@
 import glob
 import itertools
 import logging
-import os
 import re
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -26,6 +25,7 @@ from mpsnet_core.io.files import (
     writable_image,
 )
 from mpsnet_core.io.marks import says_made
+from mpsnet_core.io.opening import AnyPath
 
 log = logging.getLogger(__name__)
 
@@ -93,10 +93,8 @@ def numbering(files: Sequence[Path]) -> Numbering | None:
 
 def natural_order(file: Path) -> tuple[list[str | int], str]:
     """A sort key that orders frame_2 before frame_10: runs of digits are compared as numbers."""
-    parts: list[str | int] = [
-        int(part) if place % 2 else part for place, part in enumerate(re.split("([0-9]+)", file.name))
-    ]
-    return parts, file.name
+    words = re.split("([0-9]+)", file.name)
+    return [int(word) if place % 2 else word for place, word in enumerate(words)], file.name
 
 
 def in_order_of_lights(photos: Sequence[Path]) -> list[Path]:
@@ -112,16 +110,13 @@ def in_order_of_lights(photos: Sequence[Path]) -> list[Path]:
         return natural
     red, green, blue = (photo.name for photo in photos)
     log.warning(
-        "red is %s, green %s, blue %s, the order in which a shell sorts them; for another order name the "
-        "photos one by one",
-        red,
-        green,
-        blue,
+        f"red is {red}, green {green}, blue {blue}, the order in which a shell sorts them; for another order name the "
+        "photos one by one"
     )
     return list(photos)
 
 
-def expand_images(inputs: Sequence[str | os.PathLike[str]]) -> list[Path]:
+def expand_images(inputs: Sequence[AnyPath]) -> list[Path]:
     """The photos of `inputs`: files in order, those of folders and patterns in natural order (frame_2, frame_10).
 
     A run of # in a pattern matches as many digits; * and ? are as in a shell. If a photo exists as raw and JPEG,
@@ -153,13 +148,13 @@ def expand_images(inputs: Sequence[str | os.PathLike[str]]) -> list[Path]:
     return photos
 
 
-def is_folder_or_pattern(given: str | os.PathLike[str]) -> bool:
+def is_folder_or_pattern(given: AnyPath) -> bool:
     """Whether a path is a folder or a pattern, not a single file."""
     path = Path(given)
     return path.is_dir() or (bool(set("#*?") & set(path.name)) and not path.is_file())
 
 
-def is_video(path: str | os.PathLike[str]) -> bool:
+def is_video(path: AnyPath) -> bool:
     """Whether a file has the suffix of a video."""
     return Path(path).suffix.lower() in VIDEO_SUFFIXES
 
@@ -173,7 +168,7 @@ def expand_file_options(options: Iterable[str | None]) -> list[Path]:
     return [file for one in given for file in (expand_images([one]) if is_folder_or_pattern(one) else [Path(one)])]
 
 
-def matching_files(given: str | os.PathLike[str], what: str = "image") -> list[Path]:
+def matching_files(given: AnyPath, what: str = "image") -> list[Path]:
     """The files in a folder, or those that match a pattern, in natural order; see :func:`expand_images`.
 
     what: their name in messages. Raises FileError if there are none.
@@ -195,7 +190,7 @@ def _of_the_system(name: str) -> bool:
     return name.startswith(".") or name.lower() in {"thumbs.db", "desktop.ini", "icon\r"}
 
 
-def output_files(photos: Sequence[Path], output: str | os.PathLike[str], kind: str | None = None) -> list[Path]:
+def output_files(photos: Sequence[Path], output: AnyPath, kind: str | None = None) -> list[Path]:
     """The file of each photo's normals: `output` itself for one photo, NAME_normals in the folder `output` for several.
 
     kind: format of the files in a folder; "png" by default.
@@ -222,7 +217,7 @@ def output_files(photos: Sequence[Path], output: str | os.PathLike[str], kind: s
     return files
 
 
-def results_folder(output: str | os.PathLike[str], given: str, what: str = "normals") -> Path:
+def results_folder(output: AnyPath, given: str, what: str = "normals") -> Path:
     """The folder for the normals of several photos, which is created with the first of them.
 
     given: why it must be a folder, for messages. what: its content, normals by default.
@@ -260,3 +255,55 @@ def _photos(files: Iterable[Path]) -> list[Path]:
 
 def _is_image(file: Path) -> bool:
     return file.suffix.lower() in PHOTO_SUFFIXES and not file.name.startswith(".") and file.is_file()
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Folders of photos, looked up by name without suffix.
+
+
+class PhotoFolder:
+    """A folder of photos or masks, with or without subfolders. Each folder is listed once.
+
+    Raises FileError if it is no folder.
+    """
+
+    def __init__(self, path: AnyPath, what: str = "photos") -> None:
+        self.path = Path(path)
+        if not self.path.is_dir():
+            raise FileError(f"{path} is not a folder; name the folder of the {what}")
+        self._listed: dict[Path, dict[str, list[Path]]] = {}
+
+    def find(
+        self, stems: Collection[str], who: str, where: Path | None = None, *, raw_only: bool = False
+    ) -> Path | None:
+        """The image in the folder `where` (this one by default) that has one of these names without suffix.
+
+        If a photo exists both as raw and in another format, the raw file is returned. Case matters only if it
+        distinguishes images. raw_only: return None unless it is a raw file.
+
+        Raises FileError if several match. who: the photo's name in the message.
+        """
+        folder = self.path if where is None else where
+        if folder not in self._listed:
+            self._listed[folder] = _by_stem(folder)
+        alike = [file for stem in {stem.lower() for stem in stems} for file in self._listed[folder].get(stem, [])]
+        found = sorted([file for file in alike if file.stem in stems] or alike)
+        raw = [file for file in found if file.suffix.lower() in RAW_SUFFIXES]
+        if len(raw) == 1 or raw_only:
+            return raw[0] if len(raw) == 1 else None
+        if len(found) > 1:
+            names = ", ".join(file.name for file in found)
+            raise FileError(f"{who} may be any of {names} in {folder}; keep one of them")
+        return found[0] if found else None
+
+
+def _by_stem(folder: Path) -> dict[str, list[Path]]:
+    """The images of a folder by lower-case name without suffix; empty if the folder cannot be listed."""
+    found: dict[str, list[Path]] = {}
+    try:
+        for file in folder.iterdir():
+            if file.suffix.lower() in PHOTO_SUFFIXES and file.is_file():
+                found.setdefault(file.stem.lower(), []).append(file)
+    except (OSError, ValueError):  # missing, or a name that is too long or has a null character
+        return {}
+    return found

@@ -14,14 +14,8 @@ from mpsnet_core.errors import SettingsError
 T = TypeVar("T", bound=Callable[..., Any])
 
 # The function of the package that reads each kind of object from its file.
-READERS = {
-    "Camera": "read_camera",
-    "HeightMap": "read_height",
-    "Image": "read_image",
-    "LightRig": "read_rig",
-    "Mesh": "read_mesh",
-    "NormalMap": "read_normals",
-}
+READERS = {"Camera": "read_camera", "HeightMap": "read_height", "Image": "read_image"}
+READERS |= {"LightRig": "read_rig", "Mesh": "read_mesh", "NormalMap": "read_normals"}
 
 
 def takes_files(function: T) -> T:

@@ -16,14 +16,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mpsnet_core.arrays.polygon_triangulation import strip_triangles
-from mpsnet_core.arrays.rotations import quaternion_matrix
+from mpsnet_core.arrays.types import F64, I64
+from mpsnet_core.arrays.unit_vectors import quaternion_matrix
 from mpsnet_core.errors import FormatError, InputError
 from mpsnet_core.io.npz import unpacked_limit
 from mpsnet_core.io.opening import DAMAGED
 
 log = logging.getLogger(__name__)
-
-Floats = NDArray[np.float64]
 
 # Components per element, and NumPy's types.
 _NUMBERS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT2": 4, "MAT3": 9, "MAT4": 16}
@@ -38,15 +37,8 @@ _UNMOVED = {"offset": [0, 0], "rotation": 0, "scale": [1, 1]}
 VISIBILITY = "KHR_node_visibility"
 COMPRESSED = {"EXT_meshopt_compression", "KHR_meshopt_compression", "KHR_draco_mesh_compression"}
 # Extensions that change no vertex, normal or UV, or that are read here.
-HARMLESS = (
-    "KHR_materials_",
-    "KHR_texture_",
-    "EXT_texture_",
-    "MSFT_texture_",
-    "KHR_lights_",
-    "KHR_mesh_quantization",
-    VISIBILITY,
-)
+_TEXTURES = ("KHR_texture_", "EXT_texture_", "MSFT_texture_")
+HARMLESS = (*_TEXTURES, "KHR_materials_", "KHR_lights_", "KHR_mesh_quantization", VISIBILITY)
 MAX_BYTES = 4 << 30
 # Limit of vertices over all instances of all meshes, and of these instances.
 MAX_VERTICES = 1 << 26
@@ -65,19 +57,19 @@ class Part:
     """Name of its object, "" if it has none. Objects with the same name are numbered as Blender does."""
     material: str
     """Name of its material, "" if it has none."""
-    pose: Floats
+    pose: F64
     """(4, 4) float64. Transform to world space."""
-    triangles: NDArray[np.int64]
+    triangles: I64
     """(T, 3) int64. Vertex indices."""
-    vertices: Floats
+    vertices: F64
     """(V, 3) float64. Positions before `pose`, with the morph targets' default weights applied, as are the normals and
     tangents."""
-    normals: Floats | None
+    normals: F64 | None
     """(V, 3) float64. Normals before `pose`; None if the file gives none."""
-    tangents: Floats | None
+    tangents: F64 | None
     """(V, 4) float64. Unit tangents and the sign of the bitangent, NaN where the file's are no unit vectors with a
     sign; None if the file gives none or the part has no normals."""
-    uvs: Floats | None
+    uvs: F64 | None
     """(V, 2) float64. UV coordinates with v up; None if the file gives none."""
 
 
@@ -126,7 +118,7 @@ class _Document:
         found, vertices = list[Part](), 0
         # Each mesh with its weights is read once, however often it is placed.
         known: dict[tuple[int, tuple[float, ...]], list[Part]] = {}
-        skins: dict[int, Floats] = {}
+        skins: dict[int, F64] = {}
         names = set[str]()
         shown = [number for number in places if "mesh" in self.nodes[number] and number not in self.hidden]
         for number, node in ((number, self.nodes[number]) for number in shown):
@@ -152,7 +144,7 @@ class _Document:
         self._say_what_is_left_out()
         return found
 
-    def places(self) -> dict[int, Floats]:
+    def places(self) -> dict[int, F64]:
         """(4, 4) transform to world space of each node of the default scene; fills `hidden`."""
         scenes = self.json.get("scenes")
         if scenes:
@@ -160,7 +152,7 @@ class _Document:
         else:
             inner = {child for node in self.nodes for child in node.get("children", ())}
             roots = [number for number in range(len(self.nodes)) if number not in inner]
-        places = dict[int, Floats]()
+        places = dict[int, F64]()
         todo = [(root, np.eye(4), False) for root in reversed(roots)]
         while todo:
             number, parent, hidden = todo.pop()
@@ -174,7 +166,7 @@ class _Document:
             todo += [(child, places[number], hidden) for child in reversed(node.get("children", ()))]
         return places
 
-    def instances(self, node: dict[str, Any]) -> Sequence[Floats]:
+    def instances(self, node: dict[str, Any]) -> Sequence[F64]:
         """(4, 4) transforms of a node's instances relative to it."""
         attributes = node.get("extensions", {}).get(INSTANCES, {}).get("attributes")
         if not attributes:
@@ -191,9 +183,8 @@ class _Document:
             mode, attributes = one.get("mode", TRIANGLES), one["attributes"]
             if mode < TRIANGLES or "POSITION" not in attributes:
                 continue
-            vertices, normals, tangents = (
-                self.morphed(one, name, weights) for name in ("POSITION", "NORMAL", "TANGENT")
-            )
+            names = "POSITION", "NORMAL", "TANGENT"
+            vertices, normals, tangents = (self.morphed(one, name, weights) for name in names)
             assert vertices is not None
             uvs = self.values(attributes["TEXCOORD_0"], 2) if "TEXCOORD_0" in attributes else None
             indices = one.get("indices")
@@ -203,19 +194,11 @@ class _Document:
                     raise ValueError("attributes of different counts")
             if tangents is not None:
                 tangents = None if normals is None else self.checked(tangents)
-            material = one.get("material")
-            yield Part(
-                "",
-                "" if material is None else str(self.materials[material].get("name", "")),
-                np.eye(4),
-                _triangles(order, mode),
-                vertices,
-                normals,
-                tangents,
-                None if uvs is None else uvs * (1, -1) + (0, 1),
-            )
+            material = "" if "material" not in one else str(self.materials[one["material"]].get("name", ""))
+            uvs = None if uvs is None else uvs * (1, -1) + (0, 1)
+            yield Part("", material, np.eye(4), _triangles(order, mode), vertices, normals, tangents, uvs)
 
-    def morphed(self, primitive: dict[str, Any], name: str, weights: Sequence[float]) -> Floats | None:
+    def morphed(self, primitive: dict[str, Any], name: str, weights: Sequence[float]) -> F64 | None:
         """An attribute plus the weighted offsets of its morph targets, None if there is no such attribute."""
         if name not in primitive["attributes"]:
             return None
@@ -225,7 +208,7 @@ class _Document:
                 values[:, :3] += weight * self.values(target[name], 3)
         return values
 
-    def checked(self, tangents: Floats) -> Floats:
+    def checked(self, tangents: F64) -> F64:
         """Tangents, NaN where they are wrong."""
         length, sign = np.linalg.norm(tangents[:, :3], axis=1), tangents[:, 3]
         right = (np.abs(length - 1) < NEARLY_UNIT) & (np.abs(np.abs(sign) - 1) < NEARLY_UNIT)
@@ -238,7 +221,7 @@ class _Document:
             )
         return np.where(right[:, None], tangents, np.nan)
 
-    def values(self, number: int, components: int) -> Floats:
+    def values(self, number: int, components: int) -> F64:
         """(N, K) the values of an accessor of K components; of normalised integers, the numbers that they stand for."""
         accessor = self.json["accessors"][number]
         if _NUMBERS[accessor["type"]] != components:
@@ -257,7 +240,7 @@ class _Document:
             values = np.maximum(values / np.iinfo(kind).max, -1)
         return values
 
-    def _rows(self, place: dict[str, Any], count: int, width: int, kind: np.dtype[Any]) -> Floats:
+    def _rows(self, place: dict[str, Any], count: int, width: int, kind: np.dtype[Any]) -> F64:
         """(N, K) numbers in a buffer."""
         view = self.json["bufferViews"][place["bufferView"]]
         start, length = view.get("byteOffset", 0), view["byteLength"]
@@ -278,7 +261,7 @@ class _Document:
             self.embedded[number] = base64.b64decode(uri.partition(",")[2])
         return self.embedded[number]
 
-    def common_transform(self, skin: dict[str, Any], places: dict[int, Floats], name: str) -> Floats:
+    def common_transform(self, skin: dict[str, Any], places: dict[int, F64], name: str) -> F64:
         """(4, 4) from a skinned mesh's vertices to world space by the first joint. Warns if the joints disagree.
 
         A vertex is moved by its joints, each by its own global transform times its inverse bind matrix. The transform
@@ -288,7 +271,7 @@ class _Document:
         if "inverseBindMatrices" in skin:  # which are stored column by column
             bound = self.values(skin["inverseBindMatrices"], 16).reshape(-1, 4, 4).transpose(0, 2, 1)
             joints = joints @ bound[: len(joints)]
-        first: Floats = joints[0].copy()
+        first: F64 = joints[0].copy()
         first[3] = (0, 0, 0, 1)
         if not np.abs(joints[:, :3] - first[:3]).max() <= SAME_PLACE * np.abs(first).max():
             self.warn(
@@ -330,7 +313,7 @@ def _distinct(name: str, names: set[str]) -> str:
     return found
 
 
-def _own_transform(node: dict[str, Any]) -> Floats:
+def _own_transform(node: dict[str, Any]) -> F64:
     """(4, 4) transform of a node relative to its parent."""
     if "matrix" in node:
         return np.array(node["matrix"], np.float64).reshape(4, 4).T
@@ -341,7 +324,7 @@ def _own_transform(node: dict[str, Any]) -> Floats:
     return transform
 
 
-def _triangles(order: NDArray[np.int64], mode: int) -> NDArray[np.int64]:
+def _triangles(order: I64, mode: int) -> I64:
     """(T, 3) the vertices of a primitive's triangles from those of its list, strip or fan."""
     if mode == TRIANGLES:
         return order[: len(order) // 3 * 3].reshape(-1, 3)

@@ -1,15 +1,13 @@
 """Self-contained HTML pages: one style for all reports, images embedded."""
 
 import base64
-import os
 from pathlib import Path
 
-import numpy as np
-from numpy.typing import NDArray
-
+from mpsnet_core.arrays.types import F32
 from mpsnet_core.errors import SettingsError
 from mpsnet_core.io.files import writable_path
 from mpsnet_core.io.image_writing import png_bytes
+from mpsnet_core.io.opening import AnyPath
 
 HEAD = """<!doctype html><html lang='en'><meta charset='utf-8'><title>{title}</title>
 <style>body{{background:#222;color:#eee;font:15px sans-serif;margin:2em}}pre{{font-size:14px;overflow-x:auto}}
@@ -18,7 +16,7 @@ h2{{font-size:16px;margin:1.5em 0 .3em}}img{{max-width:100%}}svg{{display:block;
 """
 
 
-def page_path(path: str | os.PathLike[str]) -> Path:
+def page_path(path: AnyPath) -> Path:
     """`path` as a Path, for checks before long work. Raises FileError, or SettingsError for another suffix."""
     path = writable_path(path)
     if path.suffix.lower() not in (".html", ".htm"):
@@ -26,6 +24,6 @@ def page_path(path: str | os.PathLike[str]) -> Path:
     return path
 
 
-def data_url(picture: NDArray[np.float32]) -> str:
+def data_url(picture: F32) -> str:
     """Display values (H, W, 3) as a PNG in a data URL."""
     return "data:image/png;base64," + base64.b64encode(png_bytes(picture)).decode("ascii")

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mpsnet_core.arrays.sizes import SAME_CAMERA, check_same_size
+from mpsnet_core.arrays.types import F32, Bools, Floats
 
 log = logging.getLogger(__name__)
 
@@ -43,14 +44,14 @@ _INVERSE = {6: 8, 8: 6}
 class Image:
     """An image as read."""
 
-    pixels: NDArray[np.floating[Any]]
+    pixels: Floats
     """(H, W, 3) float32. Linear, row 0 on top, not premultiplied by alpha; float16 for a large photo that was read
     compactly."""
-    alpha: NDArray[np.float32] | None
+    alpha: F32 | None
     """(H, W) float32. From 0 to 1; None if the file has none."""
     clip: float
     """The linear value where channels saturate: 1 in integer files, infinity in float files and with `clipped`."""
-    clipped: NDArray[np.bool_] | None = None
+    clipped: Bools | None = None
     """(H, W, 3) bool. Where a channel is saturated; None if `clip` determines it."""
     exposure_time: float | None = None
     """Exposure time in seconds; None if the file does not state it."""
@@ -61,7 +62,7 @@ class Image:
     """The EXIF orientation, 1 to 8, by which the stored pixels were turned; None if a decoder has turned them."""
 
     @property
-    def saturated(self) -> NDArray[np.bool_]:
+    def saturated(self) -> Bools:
         """(H, W, 3) where a channel is saturated, and its value wrong."""
         return self.pixels >= SATURATED_SHARE * self.clip if self.clipped is None else self.clipped
 
@@ -96,12 +97,8 @@ def in_frame_of(image: Image, name: object, first: Image, first_name: object) ->
     if pixels.shape[:2] != first.pixels.shape[:2] == image.pixels.shape[:2]:
         return image
     log.warning(
-        "%s states the orientation %d and %s %d (EXIF); both are taken to lie as on the camera's sensor, and are "
-        "turned by the latter",
-        name,
-        image.orientation,
-        first_name,
-        first.orientation,
+        f"{name} states the orientation {image.orientation} and {first_name} {first.orientation} (EXIF); both are "
+        "taken to lie as on the camera's sensor, and are turned by the latter"
     )
     alpha = None if image.alpha is None else turned(image.alpha, image.orientation, first.orientation)
     clipped = None if image.clipped is None else turned(image.clipped, image.orientation, first.orientation)
@@ -128,9 +125,7 @@ def warn_of_saturation(name: object, image: Image) -> None:
     """Warn of saturation in a photo that is written as floats, which lose that information."""
     spoilt = image.saturated.any(axis=-1).mean()
     if spoilt > SPOILT_SHARE:
-        log.warning(
-            "%.1f%% of %s is saturated and therefore wrong; use a shorter exposure [clipped-photo]", 100 * spoilt, name
-        )
+        log.warning("%.1f%% of %s is saturated, so wrong; use a shorter exposure [clipped-photo]", 100 * spoilt, name)
 
 
 def storage_type(shape: tuple[int, ...]) -> type[np.floating[Any]]:
@@ -138,12 +133,12 @@ def storage_type(shape: tuple[int, ...]) -> type[np.floating[Any]]:
     return np.float16 if shape[0] * shape[1] > HALF_ABOVE else np.float32
 
 
-def srgb_to_linear(values: NDArray[np.floating[Any]]) -> NDArray[np.floating[Any]]:
+def srgb_to_linear(values: Floats) -> Floats:
     """The inverse of the sRGB curve (IEC 61966-2-1); any shape, 0 to 1."""
     return np.where(values <= 0.04045, values / 12.92, ((np.maximum(values, 0) + 0.055) / 1.055) ** 2.4)
 
 
-def linear_to_srgb(values: NDArray[np.floating[Any]]) -> NDArray[np.floating[Any]]:
+def linear_to_srgb(values: Floats) -> Floats:
     """The sRGB curve (IEC 61966-2-1); any shape, clipped to 0 to 1."""
     values = np.clip(values, 0, 1)
     return np.where(values <= 0.0031308, values * 12.92, 1.055 * values ** (1 / 2.4) - 0.055)

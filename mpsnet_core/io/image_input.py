@@ -14,7 +14,7 @@ from mpsnet_core.errors import FileError, FormatError, InputError
 from mpsnet_core.io.file_kinds import AVIF, HEAD, HEIC, file_head, is_readable, kind_of
 from mpsnet_core.io.heif import HeifReader
 from mpsnet_core.io.image import MAX_PIXELS
-from mpsnet_core.io.opening import existing_file, is_file, note_read
+from mpsnet_core.io.opening import AnyPath, existing_file, is_file, note_read
 
 _Kind = TypeVar("_Kind")
 
@@ -44,7 +44,7 @@ def open_image(path: Path) -> Any:
     return source
 
 
-def image_input(path: str | os.PathLike[str]) -> Any:
+def image_input(path: AnyPath) -> Any:
     """OpenImageIO's reader of a file in one of the formats that are read, whatever its suffix; None for other files.
 
     Raises as :func:`image_input_or_reason`.
@@ -52,7 +52,7 @@ def image_input(path: str | os.PathLike[str]) -> Any:
     return image_input_or_reason(path)[0]
 
 
-def image_input_or_reason(path: str | os.PathLike[str], *config: Any) -> tuple[Any, str]:
+def image_input_or_reason(path: AnyPath, *config: Any) -> tuple[Any, str]:
     """The reader, as :func:`image_input`, or None and OpenImageIO's reason, "" if it has none.
 
     Files of OpenImageIO's other formats are not opened, nor are pipes and devices. Its error is cleared, or the next
@@ -84,7 +84,7 @@ def image_input_or_reason(path: str | os.PathLike[str], *config: Any) -> tuple[A
     return source, ""
 
 
-def _check_jpeg(file: IO[bytes], path: str | os.PathLike[str]) -> None:
+def _check_jpeg(file: IO[bytes], path: AnyPath) -> None:
     """Raise FormatError if the frame header of a JPEG claims more than :data:`MAX_PIXELS`."""
     file.seek(0)
     if file.read(2) != b"\xff\xd8":
@@ -149,15 +149,13 @@ def pending_error(source: Any, lines: int | None = None) -> str:
         return "a text in it is not UTF-8"
 
 
-def channel_names(spec: Any, path: str | os.PathLike[str]) -> tuple[str, ...]:
+def channel_names(spec: Any, path: AnyPath) -> tuple[str, ...]:
     """The names of a file's channels. Raises FormatError if they are not UTF-8."""
     try:
         names: tuple[str, ...] = spec.channelnames
         "".join(names).encode()  # OpenImageIO 3.1 returns names that it cannot decode
     except UnicodeError:
-        raise FormatError(
-            f"{path} names a channel or layer in letters that are not UTF-8; rename it and export it again"
-        ) from None
+        raise FormatError(f"{path} names a channel or layer in other letters than UTF-8's; rename it") from None
     return names
 
 

@@ -17,13 +17,13 @@ from mpsnet_core.io.image import Image, srgb_to_linear
 from mpsnet_core.io.image_input import image_attribute, image_input, pending_error, silence_libraries
 from mpsnet_core.io.marks import SOFTWARE, curve_assumed, made
 from mpsnet_core.io.metadata import is_provenance_line, metadata
-from mpsnet_core.io.opening import is_file
+from mpsnet_core.io.opening import AnyPath, is_file
 
 PNG_FILTER_UP = 32  # libpng's number: each pixel is stored as its difference from the one above
 
 
 def write_image(
-    path: str | os.PathLike[str],
+    path: AnyPath,
     pixels: NDArray[Any],
     *,
     bits: int | None = None,
@@ -58,19 +58,12 @@ def write_image(
             f"{path}: an array of shape {pixels.shape} is not an image; give rows and columns, and one to four channels"
         )
     pixels = pixels if pixels.ndim == 3 else pixels[..., None]
-    height, width, channels = pixels.shape
-    write_bands(
-        path,
-        (height, width, channels),
-        lambda rows: pixels[rows],
-        bits=bits,
-        color_space=color_space,
-        description=description,
-    )
+    shape, band = (len(pixels), *pixels.shape[1:]), pixels.__getitem__
+    write_bands(path, shape, band, bits=bits, color_space=color_space, description=description)
 
 
 def write_photo(
-    path: str | os.PathLike[str], photo: Image, *, bits: int | None, linear: bool = True, description: str | None = None
+    path: AnyPath, photo: Image, *, bits: int | None, linear: bool = True, description: str | None = None
 ) -> None:
     """Write a photo that was made of others, with its alpha. If its encoding is assumed, the file says so.
 
@@ -84,7 +77,7 @@ def write_photo(
     write_image(path, values, bits=bits, color_space=space, description=said)
 
 
-def write_picture(path: str | os.PathLike[str], pixels: NDArray[Any], *, description: str | None = None) -> None:
+def write_picture(path: AnyPath, pixels: NDArray[Any], *, description: str | None = None) -> None:
     """Write an image of sRGB values (H, W, 3) for display: 8 bits; in an EXR linear floats, which viewers expect.
 
     description: a line of text to store in the file. Raises as :func:`write_image` does.
@@ -94,11 +87,7 @@ def write_picture(path: str | os.PathLike[str], pixels: NDArray[Any], *, descrip
 
 
 def write_picture_bands(
-    path: str | os.PathLike[str],
-    shape: tuple[int, int, int],
-    band: Callable[[slice], NDArray[Any]],
-    *,
-    description: str | None = None,
+    path: AnyPath, shape: tuple[int, int, int], band: Callable[[slice], NDArray[Any]], *, description: str | None = None
 ) -> None:
     """Write an image as :func:`write_picture` does, computed band by band as in :func:`write_bands`."""
     description = description or made("picture")
@@ -109,7 +98,7 @@ def write_picture_bands(
         write_bands(path, shape, band, bits=8, color_space="sRGB", description=description)
 
 
-def write_mask(path: str | os.PathLike[str], mask: NDArray[Any]) -> None:
+def write_mask(path: AnyPath, mask: NDArray[Any]) -> None:
     """Write a mask, or values (H, W) from 0 to 1 in a few levels: 8 bits; in an EXR floats.
 
     Raises as :func:`write_image` does.
@@ -118,7 +107,7 @@ def write_mask(path: str | os.PathLike[str], mask: NDArray[Any]) -> None:
 
 
 def write_bands(
-    path: str | os.PathLike[str],
+    path: AnyPath,
     shape: tuple[int, int, int],
     band: Callable[[slice], NDArray[Any]],
     *,
@@ -130,8 +119,10 @@ def write_bands(
 
     band: returns the values (h, W, C) of the given rows, from top to bottom. The rest as for :func:`write_image`.
     """
-    facts = metadata(with_inputs=not is_provenance_line(description or ""))
-    _write(Path(path), atomic_write(path), shape, band, bits, color_space, description, facts)
+    spec = _output_spec(Path(path), shape, bits, color_space, description)
+    if facts := metadata(with_inputs=not is_provenance_line(description or "")):
+        spec.attribute(f"{SOFTWARE}:made", facts)
+    _write(Path(path), atomic_write(path), spec, band)
 
 
 def png_bytes(pixels: NDArray[Any]) -> bytes:
@@ -139,30 +130,14 @@ def png_bytes(pixels: NDArray[Any]) -> bytes:
     height, width, channels = pixels.shape
     with temporary_folder() as folder:
         file = folder / "picture.png"
-        _write(file, nullcontext(file), (height, width, channels), lambda rows: pixels[rows], 8, "sRGB", None)
+        spec = _output_spec(file, (height, width, channels), 8, "sRGB", None)
+        _write(file, nullcontext(file), spec, lambda rows: pixels[rows])
         return file.read_bytes()
 
 
-def _write(
-    path: Path,
-    place: AbstractContextManager[Path],
-    shape: tuple[int, int, int],
-    band: Callable[[slice], NDArray[Any]],
-    bits: int | None,
-    color_space: str,
-    description: str | None,
-    facts: str = "",
-) -> None:
-    """Write the image `path` to the file that `place` yields. facts: see :func:`.provenance.metadata`."""
-    premultiplied = path.suffix.lower() == ".exr" and shape[2] == 4  # as OpenEXR defines colour
-    spec = _output_spec(path, shape, bits)
-    spec.attribute("oiio:ColorSpace", color_space)
-    spec.attribute("Software", SOFTWARE)
-    spec.attribute("DateTime", "")  # OpenImageIO's own would make two equal runs differ
-    if facts:
-        spec.attribute(f"{SOFTWARE}:made", facts)
-    if description is not None:
-        spec.attribute("ImageDescription", description)
+def _write(path: Path, place: AbstractContextManager[Path], spec: Any, band: Callable[[slice], NDArray[Any]]) -> None:
+    """Write the image `path` to the file that `place` yields."""
+    premultiplied = path.suffix.lower() == ".exr" and spec.nchannels == 4  # as OpenEXR defines colour
     with place as file:
         target = oiio.ImageOutput.create(str(file))
         if target is None:
@@ -170,7 +145,7 @@ def _write(
         try:
             with silence_libraries():  # OpenEXR's has words for the missing time
                 done = target.open(str(file), spec)
-            for rows in bands(shape[0]) if done else ():
+            for rows in bands(spec.height) if done else ():
                 values = np.ascontiguousarray(band(rows), dtype=np.float32)
                 if premultiplied:
                     values = np.concatenate([values[..., :3] * values[..., 3:], values[..., 3:]], axis=-1)
@@ -187,7 +162,9 @@ def _write(
             raise FileError(f"cannot write {path} ({reason.replace(str(file), path.name)}); make room on the disk")
 
 
-def _output_spec(path: Path, shape: tuple[int, int, int], bits: int | None) -> Any:
+def _output_spec(
+    path: Path, shape: tuple[int, int, int], bits: int | None, color_space: str, description: str | None
+) -> Any:
     height, width, channels = shape
     bits, suffix = checked_bits(path, bits), path.suffix.lower()
     is_exr = suffix == ".exr"
@@ -203,10 +180,15 @@ def _output_spec(path: Path, shape: tuple[int, int, int], bits: int | None) -> A
         spec.alpha_channel = 3
         if not is_exr:
             spec.attribute("oiio:UnassociatedAlpha", 1)
+    spec.attribute("oiio:ColorSpace", color_space)
+    spec.attribute("Software", SOFTWARE)
+    spec.attribute("DateTime", "")  # OpenImageIO's own would make two equal runs differ
+    if description is not None:
+        spec.attribute("ImageDescription", description)
     return spec
 
 
-def is_complete_image(path: str | os.PathLike[str]) -> bool:
+def is_complete_image(path: AnyPath) -> bool:
     """Whether an image file that this program wrote exists and is not truncated.
 
     Fast enough for folders of thousands: a PNG ends with a marker, and of other formats only the last rows are read.

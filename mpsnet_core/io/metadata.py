@@ -10,7 +10,7 @@ from typing import Any
 
 from mpsnet_core import __version__
 from mpsnet_core.io.marks import BY, SOFTWARE
-from mpsnet_core.io.opening import existing_file
+from mpsnet_core.io.opening import AnyPath, existing_file
 from mpsnet_core.operation import running, settings
 
 
@@ -48,7 +48,7 @@ def is_provenance_line(description: str) -> bool:
     return re.search(rf"{BY}\S+, [0-9a-f]{{32}}$", description) is not None
 
 
-def content_fingerprint(file: str | os.PathLike[str]) -> str:
+def content_fingerprint(file: AnyPath) -> str:
     """Hash of a file's content. Raises FileError if it is missing."""
     path = existing_file(file, "file")
     facts = path.stat()

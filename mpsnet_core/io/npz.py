@@ -34,9 +34,7 @@ def read_arrays(path: Path, limit: int) -> dict[str, NDArray[Any]]:
     except DAMAGED as error:
         raise FormatError(f"it cannot be read ({error}); export it again") from None
     if size > limit:
-        raise FormatError(
-            f"it unpacks to {size / (1 << 20):.0f} MiB, more than the limit of {limit >> 20}; reduce it first"
-        )
+        raise FormatError(f"it unpacks to {size / (1 << 20):.0f} MiB, more than {limit >> 20}; reduce it first")
     return {name: _plain(name, array) for name, array in arrays.items() if isinstance(array, np.ndarray)}
 
 

@@ -11,6 +11,9 @@ from pathlib import Path
 from mpsnet_core.errors import FileError
 from mpsnet_core.operation import running
 
+# A path as anybody may give it.
+AnyPath = str | os.PathLike[str]
+
 # Rig and camera files are a few hundred bytes. A larger file is something else and is not parsed.
 MAX_TEXT_BYTES = 1 << 20
 # What libraries raise for damaged files: SyntaxError is Pillow's, RuntimeError zipfile's where they are encrypted.
@@ -23,7 +26,7 @@ DAMAGED = (
 # fmt: on
 
 
-def is_file(path: str | os.PathLike[str]) -> bool:
+def is_file(path: AnyPath) -> bool:
     """Whether a path is a file; False for invalid paths."""
     try:
         return Path(path).is_file()
@@ -31,7 +34,7 @@ def is_file(path: str | os.PathLike[str]) -> bool:
         return False
 
 
-def existing_file(path: str | os.PathLike[str], what: str) -> Path:
+def existing_file(path: AnyPath, what: str) -> Path:
     """`path` as a Path. Raises FileError if it is missing or cannot be opened. what: the file's name in messages."""
     path = Path(path)
     try:

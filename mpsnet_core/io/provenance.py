@@ -1,13 +1,13 @@
 """Provenance: hashes of a result's inputs, which let a resumed run skip results that are up to date."""
 
 import hashlib
-import os
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 from mpsnet_core.io.marks import BY, made
 from mpsnet_core.io.metadata import content_fingerprint
+from mpsnet_core.io.opening import AnyPath
 from mpsnet_core.operation import Operation, Provenance, settings
 
 
@@ -36,7 +36,7 @@ def is_result(picture: Path, what: str) -> bool:
     return image_description(picture).startswith(f"{what}{BY}")
 
 
-def fingerprint(given: str | os.PathLike[str]) -> str:
+def fingerprint(given: AnyPath) -> str:
     """Fingerprint of files: their names and hashes of their contents. Sizes and times do not tell two photos apart.
 
     given: a file, a folder or a pattern (frame_####.png), also after "background:". Anything else is returned as text.

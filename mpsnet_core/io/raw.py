@@ -7,10 +7,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mpsnet_core.arrays.mask_regions import dilated
 from mpsnet_core.arrays.row_bands import bands
+from mpsnet_core.arrays.types import Bools
 from mpsnet_core.errors import FileError, FormatError, InputError
 from mpsnet_core.io.file_kinds import is_in_jpeg_xl
 from mpsnet_core.io.files import existing_file
@@ -145,14 +145,14 @@ def _crop(sizes: Any) -> tuple[slice, slice]:
     return slice(top, top + height), slice(left, left + width)
 
 
-def _clipped(raw: Any) -> NDArray[np.bool_]:
+def _clipped(raw: Any) -> Bools:
     """(H, W, 3) where a channel's site, or one that it is interpolated from, is saturated; before rotation."""
     sites = raw.raw_image_visible
     black = np.array(raw.black_level_per_channel, float)
     white = np.minimum(raw.white_level, raw.camera_white_level_per_channel or raw.white_level)
     white = np.where(white > black, white, raw.white_level)
     ends = black + SATURATED_SHARE * (white - black)
-    clipped: NDArray[np.bool_]
+    clipped: Bools
     if sites.ndim == 3:  # every pixel has all three
         clipped = sites[..., :3] >= ends[:3]
         return clipped

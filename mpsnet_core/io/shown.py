@@ -6,6 +6,8 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from mpsnet_core.arrays.types import F32
+
 # Longest side of a notebook's picture, in pixels.
 LONGEST = 640
 
@@ -20,15 +22,14 @@ class Shown:
         """What a line says of it besides its size."""
         raise NotImplementedError
 
-    def picture(self, step: int = 1) -> NDArray[np.float32]:
+    def picture(self, step: int = 1) -> F32:
         """(h, w, 3) sRGB values to look at, of every `step`-th pixel along each side."""
         raise NotImplementedError
 
     @property
     def shape(self) -> tuple[int, ...]:
         """The shape of its array: height, width, and channels if it has any."""
-        shape: tuple[int, ...] = getattr(self, self.array_name).shape
-        return shape
+        return getattr(self, self.array_name).shape
 
     def __array__(self, dtype: Any = None, copy: bool | None = None) -> NDArray[Any]:
         # Matplotlib takes arrays alone, and would clip what is no colour: it gets the picture.

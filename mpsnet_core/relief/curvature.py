@@ -1,17 +1,15 @@
 """Curvature of a surface from its normals: convex edges are above 0, creases below."""
 
-from typing import Any
-
 import numpy as np
-from numpy.typing import NDArray
 
 from mpsnet_core.arrays.mask_regions import box_sums
 from mpsnet_core.arrays.row_bands import bands
+from mpsnet_core.arrays.types import F32, Bools, Floats
 from mpsnet_core.defaults import CURVATURE_RADIUS
 from mpsnet_core.errors import GeometryError, SettingsError
 from mpsnet_core.io.from_files import takes_files
 from mpsnet_core.progress import Progress, silent
-from mpsnet_core.relief.sizes import check_size
+from mpsnet_core.relief.height_map import check_size
 from mpsnet_core.scene.camera import Camera
 from mpsnet_core.scene.normal_map import NormalMap
 
@@ -25,11 +23,11 @@ _SAMPLED = 1_000_000
 def curvature(
     normals: NormalMap,
     camera: Camera,
-    depth: NDArray[np.floating[Any]] | None = None,
+    depth: Floats | None = None,
     *,
     radius: int = CURVATURE_RADIUS,
     progress: Progress = silent,
-) -> NDArray[np.float32]:
+) -> F32:
     """The sum of the two principal curvatures, which is twice the mean curvature.
 
     Parameters
@@ -79,9 +77,7 @@ def curvature(
     return _averaged(sharp, normals.mask, min(radius, max(height, width)), progress)
 
 
-def _averaged(
-    sharp: NDArray[np.float32], mask: NDArray[np.bool_], radius: int, progress: Progress
-) -> NDArray[np.float32]:
+def _averaged(sharp: F32, mask: Bools, radius: int, progress: Progress) -> F32:
     """Curvatures averaged over squares of several sizes, up to the radius."""
     radii = [radius, *(2**power for power in range(radius.bit_length()) if 2**power < radius)]
     summed = np.zeros(mask.shape, np.float32)
@@ -101,7 +97,7 @@ def check_curvature(radius: int, limit: float | None = None) -> None:
         raise SettingsError(f"a curvature's range must be a number above 0, not {limit:g}")
 
 
-def curvature_range(values: NDArray[np.floating[Any]], mask: NDArray[np.bool_]) -> float:
+def curvature_range(values: Floats, mask: Bools) -> float:
     """A suitable range for an image of these curvatures.
 
     Parameters
@@ -121,7 +117,7 @@ def curvature_range(values: NDArray[np.floating[Any]], mask: NDArray[np.bool_]) 
     return limit if limit > 0 else 1.0
 
 
-def curvature_picture(values: NDArray[np.floating[Any]], limit: float) -> NDArray[np.float32]:
+def curvature_picture(values: Floats, limit: float) -> F32:
     """Curvatures as grey values: 0.5 is flat, white is convex by `limit` or more, black is concave by `limit` or more.
 
     Parameters
@@ -144,9 +140,7 @@ def curvature_picture(values: NDArray[np.floating[Any]], limit: float) -> NDArra
     return np.clip(0.5 + 0.5 / limit * np.asarray(values), 0, 1).astype(np.float32)
 
 
-def _divergence(
-    normals: NormalMap, camera: Camera, depth: NDArray[np.floating[Any]] | None, rows: slice
-) -> NDArray[np.float32]:
+def _divergence(normals: NormalMap, camera: Camera, depth: Floats | None, rows: slice) -> F32:
     """The divergence of the normals in some rows.
 
     With a = X / t and b = Y / t, where t is the depth, a field n(a, b) that is constant along the rays has
@@ -164,7 +158,7 @@ def _divergence(
     return np.where(normals.mask[rows], found, 0).astype(np.float32)
 
 
-def _gradient(values: NDArray[np.floating[Any]], mask: NDArray[np.bool_], axis: int) -> NDArray[np.floating[Any]]:
+def _gradient(values: Floats, mask: Bools, axis: int) -> Floats:
     """Finite differences of values (H, W, C): the mean of both sides, or the one that lies in the mask."""
     values, mask = values.swapaxes(0, axis), mask.swapaxes(0, axis)
     known = mask[1:] & mask[:-1]
@@ -173,5 +167,5 @@ def _gradient(values: NDArray[np.floating[Any]], mask: NDArray[np.bool_], axis: 
     for side in (slice(1, None), slice(None, -1)):
         total[side] += steps
         count[side] += known
-    mean: NDArray[np.floating[Any]] = total / np.maximum(count, 1)[..., None]
+    mean: Floats = total / np.maximum(count, 1)[..., None]
     return mean.swapaxes(0, axis)

@@ -6,32 +6,21 @@ pull the surface down to 0 along its outline. Instead, the heights are extrapola
 """
 
 import json
-import os
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from mpsnet_core.arrays.push_pull import push_pull
+from mpsnet_core.arrays.resampling import push_pull
+from mpsnet_core.arrays.types import Bools
 from mpsnet_core.errors import FileError, FormatError, SettingsError
-from mpsnet_core.io.files import (
-    MAX_TEXT_BYTES,
-    check_own,
-    checked_bits,
-    existing_file,
-    prefix_errors,
-    read_json,
-    remove_file,
-    writable_path,
-    write_json,
-    write_transaction,
-)
+from mpsnet_core.io import files as disk
 from mpsnet_core.io.from_files import takes_files
 from mpsnet_core.io.image_reading import image_description, read_channel, read_mask
 from mpsnet_core.io.image_writing import write_image
 from mpsnet_core.io.marks import made
+from mpsnet_core.io.opening import AnyPath
 from mpsnet_core.relief.height_map import HeightMap, pixels_per_unit
 from mpsnet_core.relief.height_names import height_names
 from mpsnet_core.scene.camera import Camera, camera_data, camera_from_data
@@ -112,23 +101,23 @@ class HeightFacts:
     """The step between the two sides of a seam; None if the heights are not on UVs."""
 
 
-def height_files(path: str | os.PathLike[str], bits: int | None) -> list[Path]:
+def height_files(path: AnyPath, bits: int | None) -> list[Path]:
     """The files that :func:`write_height` writes for `path`: the heights, their scale, their mask.
 
     Raises FileError if they cannot be written there, or would overwrite a scale or mask that this program did not make.
     """
-    path, scale, mask = height_names(writable_path(path))
-    bits = checked_bits(path, bits)
+    path, scale, mask = height_names(disk.writable_path(path))
+    bits = disk.checked_bits(path, bits)
     if bits not in HEIGHT_BITS or (path.suffix.lower() == ".exr" and bits == 16):
         raise FileError(f"cannot write {path}: heights in {bits} bits show steps; take 16 bits in PNG or TIFF, or 32")
     for sidecar in (scale, mask):
-        check_own(sidecar, derived=True, json_format=HEIGHT_FORMAT)
+        disk.check_own(sidecar, derived=True, json_format=HEIGHT_FORMAT)
     return [path, scale, mask]
 
 
 @takes_files
 def write_height(
-    path: str | os.PathLike[str],
+    path: AnyPath,
     heights: HeightMap,
     *,
     bits: int | None = None,
@@ -167,7 +156,7 @@ def write_height(
         If a file cannot be written, or would overwrite another one.
     """
     path, scale_file, mask_file = height_files(path, bits)
-    bits = checked_bits(path, bits)
+    bits = disk.checked_bits(path, bits)
     inside = heights.values[heights.mask]
     span = float(inside.min()), float(inside.max())
     scale = _scale(heights, (0.0, 1.0) if bits == 32 else _checked_ends(ends) or span, unit)
@@ -177,21 +166,19 @@ def write_height(
     values = push_pull(heights.values, heights.mask)
     if bits != 32:
         values = ((values - np.float32(scale.black)) / np.float32(scale.strength)).astype(np.float32)
-    with write_transaction():
-        write_json(scale_file, data)  # before the mask, which the scale identifies as its own
+    with disk.write_transaction():
+        disk.write_json(scale_file, data)  # before the mask, which the scale identifies as its own
         if data["mask"] is not None:
             write_image(mask_file, heights.mask, bits=8, description=made("mask"))
         else:
-            remove_file(mask_file)  # the mask of earlier heights
+            disk.remove_file(mask_file)  # the mask of earlier heights
         write_image(path, values, bits=bits, description=json.dumps(data))
     return scale
 
 
 def _checked_ends(ends: tuple[float, float] | None) -> tuple[float, float] | None:
     if ends is not None and not (np.isfinite(ends).all() and ends[0] <= ends[1]):
-        raise SettingsError(
-            f"the heights of black and white are {ends[0]:g} and {ends[1]:g}; give a lower and a higher one"
-        )
+        raise SettingsError(f"the heights of black and white are {ends[0]:g} and {ends[1]:g}; give the lower one first")
     return ends
 
 
@@ -222,7 +209,7 @@ def _scale_data(scale: HeightScale, heights: HeightMap, lowest: float, highest: 
     }
 
 
-def read_height(path: str | os.PathLike[str]) -> HeightMap:
+def read_height(path: AnyPath) -> HeightMap:
     """Read heights that :func:`write_height` wrote, with their scale, mask and camera.
 
     Parameters
@@ -245,11 +232,11 @@ def read_height(path: str | os.PathLike[str]) -> HeightMap:
     GeometryError
         If the sizes of heights, mask and camera differ.
     """
-    path = existing_file(path, "height map")
+    path = disk.existing_file(path, "height map")
     _, scale_file, _ = height_names(path)
-    data = read_json(scale_file, HEIGHT_FORMAT, HEIGHT_VERSION, HEIGHT_KEYS)
+    data = disk.read_json(scale_file, HEIGHT_FORMAT, HEIGHT_VERSION, HEIGHT_KEYS)
     values = read_channel(path)
-    with prefix_errors(f"height map {path} with {scale_file.name}"):
+    with disk.prefix_errors(f"height map {path} with {scale_file.name}"):
         black, white = _number(data, "black"), _number(data, "white")
         described = _kept_data(path)
         if described is not None and (described.get("black"), described.get("white")) != (black, white):
@@ -271,13 +258,13 @@ def _kept_data(path: Path) -> dict[str, Any] | None:
     """The scale in the image's description, None if another program removed it."""
     text = image_description(path)
     try:
-        data = json.loads(text) if len(text) < MAX_TEXT_BYTES else None
+        data = json.loads(text) if len(text) < disk.MAX_TEXT_BYTES else None
     except (ValueError, RecursionError):
         return None
     return data if isinstance(data, dict) else None
 
 
-def _read_mask_beside(file: Path, name: Any, shape: tuple[int, ...]) -> NDArray[np.bool_]:
+def _read_mask_beside(file: Path, name: Any, shape: tuple[int, ...]) -> Bools:
     if name is None:
         return np.ones(shape, bool)
     # The name is untrusted and must not lead to another folder.

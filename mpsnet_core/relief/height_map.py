@@ -1,16 +1,36 @@
-"""Height maps: the surface's height towards the camera at every pixel, also as a field over the image."""
+"""Checks of the sizes of arrays that go with a normal map, and of textures on UVs."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mpsnet_core.arrays.sizes import check_same_size
+from mpsnet_core.arrays.types import F32, Bools, Floats
 from mpsnet_core.errors import GeometryError
 from mpsnet_core.io.from_files import takes_files
 from mpsnet_core.io.shown import Shown
 from mpsnet_core.scene.camera import Camera
+from mpsnet_core.scene.normal_map import NormalMap
+
+# Largest side of a texture on UVs that is integrated to heights; takes about 11 GB.
+MAX_SIZE = 8192
+
+
+def check_size(what: str, shape: Sequence[int], normals: NormalMap) -> None:
+    """Raise GeometryError if an array of `shape` (H, W, ...) and the normals differ in size. what: its name."""
+    check_same_size(f"the {what}", shape[:2], "the normal map", normals.mask.shape)
+
+
+def check_square(height: int, width: int) -> None:
+    """Raise GeometryError if a texture on UVs is not square."""
+    if height != width:
+        raise GeometryError(f"heights on UVs need a square texture, not {width} x {height} texels; bake it square")
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Height maps: the surface's height towards the camera at every pixel, also as a field over the image.
 
 
 @takes_files
@@ -33,10 +53,10 @@ class HeightMap(Shown):
 
     array_name: ClassVar[str] = "values"
 
-    values: NDArray[np.float32]
+    values: F32
     """(H, W) float32. Heights in the camera's unit, 0 outside the mask. With an orthographic camera, each connected
     piece of the mask is known up to a constant; with a perspective one, up to a factor, and heights are below 0."""
-    mask: NDArray[np.bool_]
+    mask: Bools
     """(H, W) bool. Where the surface is."""
     camera: Camera
     """The photo's camera; :func:`mpsnet_core.scene.camera.pixel_camera` if it is unknown."""
@@ -57,7 +77,7 @@ class HeightMap(Shown):
         inside = self.values[self.mask]
         return f"{len(inside):,} heights from {inside.min():.4g} to {inside.max():.4g}"
 
-    def picture(self, step: int = 1) -> NDArray[np.float32]:
+    def picture(self, step: int = 1) -> F32:
         from mpsnet_core.scene.pictures import error_picture
 
         inside = self.values[self.mask]
@@ -65,12 +85,12 @@ class HeightMap(Shown):
         values = self.values[::step, ::step] - low
         return error_picture(values, self.mask[::step, ::step], max(high - low, 1e-30))
 
-    def points(self) -> NDArray[np.floating[Any]]:
+    def points(self) -> Floats:
         """(H, W, 3) points in camera space, meaningless outside the mask."""
         return self.camera.points(-self.values)
 
 
-def parallel_heights(heights: HeightMap) -> NDArray[np.float32]:
+def parallel_heights(heights: HeightMap) -> F32:
     """(H, W) heights in the camera's unit, 0 outside the mask. Planes stay planes, and occlusion is preserved.
 
     Heights of an orthographic camera are unchanged. For a perspective one, -1 / depth, which maps straight lines to

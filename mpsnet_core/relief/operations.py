@@ -4,27 +4,11 @@ from dataclasses import dataclass
 from pkgutil import resolve_name
 from typing import ClassVar, Literal
 
+from mpsnet_core import defaults
 from mpsnet_core.capture.operations import HasLens, HasViewpoint, ReadsPhotos
-from mpsnet_core.defaults import (
-    BEND,
-    BY_PHOTO,
-    CONVENTIONS,
-    CURVATURE_RADIUS,
-    FACES,
-    MARGIN,
-    MAX_BEND,
-    MAX_BUMPS,
-    MAX_FACES,
-    MAX_MATERIAL_SIZE,
-    MAX_OVERLAP,
-    MAX_TEXTURE_SIZE,
-    MIN_MATERIAL_SIZE,
-    MIN_OVERLAP,
-    OVERLAP,
-)
 from mpsnet_core.errors import SettingsError
 from mpsnet_core.estimate.operations import RunsModel
-from mpsnet_core.operation import Operation, Result, option, settings
+from mpsnet_core.operation import Operation, Result, option, optional, output_option, settings
 from mpsnet_core.progress import Progress, silent
 
 # The work is imported when it is done, and takes the operation.
@@ -49,12 +33,11 @@ class HasScale(HasLens):
 
     heading: ClassVar[str] = "the photo's camera, and the unit"
 
-    pixel_size: float | None = option(
-        default=None, metavar="S", help="size of a pixel in an orthographic view, in place of a camera file", unset="1"
+    pixel_size: float | None = optional(
+        "size of a pixel in an orthographic view, in place of a camera file", metavar="S", unset="1"
     )
-    distance: float | None = option(
-        default=None,
-        help="mean distance from the camera to the visible surface, in the unit of the heights: it sets a perspective "
+    distance: float | None = optional(
+        "mean distance from the camera to the visible surface, in the unit of the heights: it sets a perspective "
         "camera's scale, and where an orthographic camera's mesh stands",
         unset="1 for a perspective camera",
     )
@@ -67,68 +50,45 @@ class MakesProducts(Operation):
 
     heading: ClassVar[str] = "what to make, at least one"
 
-    height: str | None = option(
-        default=None,
-        metavar="FILE",
-        help="height map: .exr with float heights, or .png or .tif with 16 bits; FILE.json holds the heights of "
-        "black and white",
-        provenance="none",
+    height: str | None = output_option(
+        "height map: .exr with float heights, or .png or .tif with 16 bits; FILE.json holds the heights of "
+        "black and white"
     )
     height_bits: int | None = option(default=None, metavar="BITS", help="32 writes float heights into .tif")
-    mesh: str | None = option(
-        default=None,
-        metavar=".ply|.glb|.obj",
-        help="make a mesh of the surface, where the photo's camera saw it, with the photo's UVs",
-        provenance="none",
+    mesh: str | None = output_option(
+        "make a mesh of the surface, where the photo's camera saw it, with the photo's UVs", metavar=".ply|.glb|.obj"
     )
     faces: int = option(
-        default=FACES,
+        default=defaults.FACES,
         low=1,
-        high=MAX_FACES,
+        high=defaults.MAX_FACES,
         help="how many faces the mesh may have at most; they are smaller where the surface bends",
     )
-    open: float | None = option(
-        default=None,
-        metavar="ANGLE",
-        help="leave out faces whose normals are further than this from the line of sight, such as 85",
+    open: float | None = optional(
+        "leave out faces whose normals are further than this from the line of sight, such as 85", metavar="ANGLE"
     )
-    up: Literal["y", "z"] | None = option(
-        default=None,
+    up: Literal["y", "z"] | None = optional(
+        "axis that points up in the camera's world, for .glb and .obj",
         choices={"y": "", "z": ""},
-        help="axis that points up in the camera's world, for .glb and .obj",
         unset="z with a camera file, else y",
     )
-    curvature: str | None = option(
-        default=None, metavar="FILE", help="curvature map: edges are bright, creases dark", provenance="none"
-    )
+    curvature: str | None = output_option("curvature map: edges are bright, creases dark")
     curvature_radius: int = option(
-        default=CURVATURE_RADIUS, metavar="PIXELS", help="the broadest shapes that the curvature map shows"
+        default=defaults.CURVATURE_RADIUS, metavar="PIXELS", help="the broadest shapes that the curvature map shows"
     )
-    curvature_range: float | None = option(
-        default=None,
-        metavar="C",
-        help="curvature per unit that is white; .exr holds the sum of both principal curvatures",
+    curvature_range: float | None = optional(
+        "curvature per unit that is white; .exr holds the sum of both principal curvatures", metavar="C"
     )
-    occlusion: str | None = option(
-        default=None,
-        metavar="FILE",
-        help="ambient occlusion map: white where the surface is fully open to light",
-        provenance="none",
+    occlusion: str | None = output_option("ambient occlusion map: white where the surface is fully open to light")
+    occlusion_reach: int | None = optional(
+        "how far the ambient occlusion reaches", metavar="PIXELS", unset="everywhere"
     )
-    occlusion_reach: int | None = option(
-        default=None, metavar="PIXELS", help="how far the ambient occlusion reaches", unset="everywhere"
+    relit: str | None = output_option(
+        "image of the surface under a white light, with the ambient occlusion if that is made"
     )
-    relit: str | None = option(
-        default=None,
-        metavar="FILE",
-        help="image of the surface under a white light, with the ambient occlusion if that is made",
-        provenance="none",
-    )
-    light: str = option(
-        default="45,135", metavar="SLANT,TILT", help="direction of that light, in degrees", numbers=True
-    )
-    albedo: str | None = option(
-        default=None, metavar="PHOTO", help="the surface's colour for --relit", unset="light grey", provenance="files"
+    light: str = option(default="45,135", metavar="SLANT,TILT", help="direction of that light in degrees", numbers=True)
+    albedo: str | None = optional(
+        "the surface's colour for --relit", metavar="PHOTO", unset="light grey", provenance="files"
     )
 
 
@@ -138,10 +98,9 @@ class DisplacesMesh(Operation):
 
     heading: ClassVar[str] = "heights on a mesh's UVs, from a baked normal texture"
 
-    uvs: str | None = option(
-        default=None,
+    uvs: str | None = optional(
+        "mesh that the texture was baked onto; needs --height. For tiles, both names hold <UDIM>",
         metavar="MESH",
-        help="mesh that the texture was baked onto; needs --height. For tiles, both names hold <UDIM>",
         provenance="content",
     )
     space: Literal["tangent", "object"] = option(
@@ -149,26 +108,25 @@ class DisplacesMesh(Operation):
         choices={"tangent": "to the surface, by MikkTSpace", "object": "to the object"},
         help="what the texture's normals are relative to",
     )
-    base: str | None = option(
-        default=None, metavar="MESH", help="mesh to displace, if it is the same one subdivided", provenance="content"
+    base: str | None = optional(
+        "mesh to displace, if it is the same one subdivided", metavar="MESH", provenance="content"
     )
-    object_space: str | None = option(
-        default=None,
-        metavar="FILE",
-        help="also write the texture in object space, which shades the displaced surface",
-        path="file",
-        provenance="none",
+    object_space: str | None = output_option(
+        "also write the texture in object space, which shades the displaced surface", path="file"
     )
     scale: float = option(
         default=0.0,
         low=0,
-        high=MAX_BUMPS,
+        high=defaults.MAX_BUMPS,
         help="broadest bumps that heights on UVs keep, as a fraction of the object's size: broader shapes are "
         "left to the mesh, because estimated normals err most there. 0 keeps all",
     )
     mean: float | None = option(default=None, help="mean of the heights", unset="the surface stays where it is")
     margin: int = option(
-        default=MARGIN, low=0, high=MAX_TEXTURE_SIZE, help="pixels by which the heights extend beyond the UV islands"
+        default=defaults.MARGIN,
+        low=0,
+        high=defaults.MAX_TEXTURE_SIZE,
+        help="pixels by which the heights extend beyond the UV islands",
     )
 
 
@@ -184,7 +142,7 @@ class Integrate(DisplacesMesh, MakesProducts, HasScale):
         provenance="files",
     )
     convention: Literal["opengl", "directx"] = option(
-        default="opengl", choices=CONVENTIONS, help="which way the green channel of the normal map points"
+        default="opengl", choices=defaults.CONVENTIONS, help="which way the green channel of the normal map points"
     )
     method: Literal["fast", "bilateral"] = option(
         default="fast",
@@ -215,9 +173,7 @@ class Integrate(DisplacesMesh, MakesProducts, HasScale):
                 raise SettingsError(f"{given[name]} goes with a photo's normals, not with --uvs; leave it out")
         for name, needed in _NEEDED.items():
             if name in given and not getattr(self, needed):
-                raise SettingsError(
-                    f"{given[name]} goes with --{needed}, which is not given; leave it out, or give both"
-                )
+                raise SettingsError(f"{given[name]} goes with --{needed}, which is not given; give both, or neither")
 
 
 @dataclass(frozen=True)
@@ -226,16 +182,15 @@ class MeasuresPhoto(Operation):
 
     heading: ClassVar[str] = "its size, one of these"
 
-    width: str | None = option(
-        default=None, metavar="LENGTH", help="what the photo's whole width measures: 120mm, 12cm, 4.5in", numbers=True
+    width: str | None = optional(
+        "what the photo's whole width measures: 120mm, 12cm, 4.5in", metavar="LENGTH", numbers=True
     )
-    pixel_size: str | None = option(
-        default=None, metavar="LENGTH", help="in place of --width, what a pixel measures: 0.05mm", numbers=True
+    pixel_size: str | None = optional(
+        "in place of --width, what a pixel measures: 0.05mm", metavar="LENGTH", numbers=True
     )
-    ruler: str | None = option(
-        default=None,
+    ruler: str | None = optional(
+        "in place of --width, the distance between two places in pixels: 120,80,1620,95=50mm",
         metavar="X1,Y1,X2,Y2=LENGTH",
-        help="in place of --width, the distance between two places in pixels: 120,80,1620,95=50mm",
     )
 
 
@@ -250,36 +205,35 @@ class MakeMaterial(MeasuresPhoto, RunsModel, HasViewpoint, ReadsPhotos):
     )
     rig: str = option(help="rig file (.json, or .lp with three lights)", provenance="content")
     model: str = option(
-        default=BY_PHOTO,
+        default=defaults.BY_PHOTO,
         help="model that estimates the normals, by name or as an .onnx file; auto: lambertian-grey-world where the "
         "photo shows a matt material, the default network where it shows a glossy one",
     )
-    crop: str | None = option(
-        default=None, metavar="X,Y,W,H", help="the part of the photo to use, from its upper left corner", numbers=True
+    crop: str | None = optional(
+        "the part of the photo to use, from its upper left corner", metavar="X,Y,W,H", numbers=True
     )
-    size: int | None = option(
-        default=None,
-        low=MIN_MATERIAL_SIZE,
-        high=MAX_MATERIAL_SIZE,
-        help="width and height of the textures in pixels",
+    size: int | None = optional(
+        "width and height of the textures in pixels",
+        low=defaults.MIN_MATERIAL_SIZE,
+        high=defaults.MAX_MATERIAL_SIZE,
         unset="the photo's own resolution",
     )
     overlap: float = option(
-        default=OVERLAP,
-        low=MIN_OVERLAP,
-        high=MAX_OVERLAP,
+        default=defaults.OVERLAP,
+        low=defaults.MIN_OVERLAP,
+        high=defaults.MAX_OVERLAP,
         help="fraction of the tile over which its borders blend: more hides the seam better but leaves a smaller tile",
     )
     bend: int = option(
-        default=BEND,
+        default=defaults.BEND,
         low=0,
-        high=MAX_BEND,
+        high=defaults.MAX_BEND,
         help="how many half waves across the photo to remove as bends of the material and uneven light. 0: "
         "only the tilt of the photo",
     )
     grey: bool = option(default=False, help="make the albedo grey, for lights of unknown strengths")
     convention: Literal["opengl", "directx"] = option(
-        default="opengl", choices=CONVENTIONS, help="which way the green channel of the normals points"
+        default="opengl", choices=defaults.CONVENTIONS, help="which way the green channel of the normals points"
     )
     name: str | None = option(default=None, help="prefix of the file names", unset="the photo's name")
     output: str = option(metavar="FOLDER", help="folder for the textures", path="folder", provenance="none")

@@ -8,6 +8,7 @@ from typing import Any, TypeAlias, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from mpsnet_core.arrays.types import F32
 from mpsnet_core.errors import FileError, SettingsError
 from mpsnet_core.io.files import check_no_overwrite, prefix_errors, writable_image, write_transaction
 from mpsnet_core.io.frames import is_folder_or_pattern
@@ -16,23 +17,14 @@ from mpsnet_core.io.image_writing import write_image, write_picture
 from mpsnet_core.io.marks import made
 from mpsnet_core.operation import Result
 from mpsnet_core.progress import Progress, part
+from mpsnet_core.relief import surface_mesh
 from mpsnet_core.relief.curvature import check_curvature, curvature, curvature_picture, curvature_range
 from mpsnet_core.relief.height_files import HeightFacts, height_files, write_height
-from mpsnet_core.relief.height_map import HeightMap
+from mpsnet_core.relief.height_map import HeightMap, check_size
 from mpsnet_core.relief.integration.integrate import grained_box, integrate
 from mpsnet_core.relief.occlusion import ambient_occlusion, check_reach
 from mpsnet_core.relief.operations import Integrate
 from mpsnet_core.relief.relight import relit
-from mpsnet_core.relief.sizes import check_size
-from mpsnet_core.relief.surface_mesh import (
-    NoFaceError,
-    Up,
-    check_has_faces,
-    check_surface_mesh,
-    surface_mesh,
-    writable_mesh,
-    write_surface_mesh,
-)
 from mpsnet_core.scene.camera import Camera, camera_for, pixel_camera
 from mpsnet_core.scene.normal_directions import check_directions
 from mpsnet_core.scene.normal_map import NormalMap, read_normals
@@ -56,9 +48,9 @@ class Surface:
     """Name of the camera's unit."""
     heights: HeightMap | None
     """Heights in that unit."""
-    occlusion: NDArray[np.float32] | None
+    occlusion: F32 | None
     """(H, W) float32. Fraction of ambient light that reaches each pixel."""
-    albedo: NDArray[np.float32] | None
+    albedo: F32 | None
     """(H, W, 3) float32. Linear colour of the surface without light and shadow."""
 
 
@@ -86,7 +78,7 @@ class MeshFacts:
     """Number of vertices."""
     faces: int
     """Number of faces."""
-    up: Up
+    up: surface_mesh.Up
     """The axis that points up."""
 
 
@@ -125,7 +117,7 @@ def make_products(options: Integrate, progress: Progress) -> SurfaceMade:
             first, last = (0.75 + 0.25 * (number + end) / len(products) for end in (0, 1))
             try:
                 words, fact = _WRITERS[name](options, surface, files, part(progress, first, last))
-            except NoFaceError as error:  # not known before; the other products are kept
+            except surface_mesh.NoFaceError as error:  # not known before; the other products are kept
                 no_mesh = error
                 continue
             if fact:
@@ -162,8 +154,8 @@ def _checked_files(options: Integrate, name: str, path: Path) -> list[Path]:
     if name == "height":
         return height_files(path, options.height_bits)
     if name == "mesh":
-        check_surface_mesh(options.faces, options.open)
-        return [writable_mesh(path)]
+        surface_mesh.check_surface_mesh(options.faces, options.open)
+        return [surface_mesh.writable_mesh(path)]
     if name == "relit":
         slant_and_tilt("--light", options.light)
         if path.suffix.lower() == ".exr":
@@ -183,7 +175,7 @@ def _read_normals(options: Integrate) -> NormalMap:
     check_directions(normals, options.normals)
     if options.mesh:
         with prefix_errors(options.normals):
-            check_has_faces(normals.mask)
+            surface_mesh.check_has_faces(normals.mask)
     return normals
 
 
@@ -210,17 +202,15 @@ def _surface(options: Integrate, progress: Progress) -> Surface:
         box = grained_box(normals.mask) if kept is None else (slice(0, height), slice(0, width))
         if kept is None:
             normals = _cropped(normals, box)  # the rest is released: a large photo's takes much memory
-        heights = integrate(
-            normals,
+        inner, step = (
             camera.cropped(box[1].start, box[0].start, *normals.mask.shape[::-1]),
-            method=options.method,
-            distance=options.distance if perspective else None,
-            progress=part(progress, 0.0, to_occlusion),
+            part(progress, 0, to_occlusion),
         )
+        distance = options.distance if perspective else None
+        heights = integrate(normals, inner, method=options.method, distance=distance, progress=step)
         if options.occlusion:
-            occlusion = ambient_occlusion(
-                heights, normals, reach=options.occlusion_reach, progress=part(progress, to_occlusion, 1.0)
-            )
+            step = part(progress, to_occlusion, 1.0)
+            occlusion = ambient_occlusion(heights, normals, reach=options.occlusion_reach, progress=step)
             occlusion = _placed(occlusion, box, (height, width), 1)
         del normals
         values = _placed(heights.values, box, (height, width), 0)
@@ -307,18 +297,13 @@ def _write_mesh(options: Integrate, surface: Surface, files: list[Path], progres
     assert heights is not None and normals is not None
     if surface.camera.projection == "orthographic" and options.distance is not None:
         heights = replace(heights, values=heights.values - options.distance)
-    mesh = surface_mesh(heights, normals, faces=options.faces, open_from=options.open, progress=progress)
+    mesh = surface_mesh.surface_mesh(heights, normals, faces=options.faces, open_from=options.open, progress=progress)
     progress(0.9, f"writing {files[0].name}")
-    up: Up = options.up or ("z" if options.camera else "y")
-    write_surface_mesh(files[0], mesh, up=up)
+    up: surface_mesh.Up = options.up or ("z" if options.camera else "y")
+    surface_mesh.write_surface_mesh(files[0], mesh, up=up)
     facts = MeshFacts(len(mesh.vertices), len(mesh.triangles), up)
     return f"{'1 face' if facts.faces == 1 else f'{facts.faces} faces'}, in {surface.unit}", facts
 
 
-_WRITERS = {
-    "height": _write_height,
-    "curvature": _write_curvature,
-    "occlusion": _write_occlusion,
-    "relit": _write_relit,
-    "mesh": _write_mesh,
-}
+_WRITERS = {"height": _write_height, "curvature": _write_curvature, "occlusion": _write_occlusion}
+_WRITERS |= {"relit": _write_relit, "mesh": _write_mesh}

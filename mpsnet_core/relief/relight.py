@@ -1,15 +1,14 @@
 """Relighting: the surface under a white light from any direction, to judge normals by."""
 
-from typing import Any
-
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from mpsnet_core.arrays.row_bands import bands
+from mpsnet_core.arrays.types import F32, Floats
 from mpsnet_core.errors import GeometryError
 from mpsnet_core.io.from_files import takes_files
 from mpsnet_core.io.image import linear_to_srgb
-from mpsnet_core.relief.sizes import check_size
+from mpsnet_core.relief.height_map import check_size
 from mpsnet_core.scene.normal_map import NormalMap
 
 # The fraction of ambient light, which ambient occlusion reduces.
@@ -18,12 +17,8 @@ AMBIENT = 0.15
 
 @takes_files
 def relit(
-    normals: NormalMap,
-    direction: ArrayLike,
-    *,
-    occlusion: NDArray[np.floating[Any]] | None = None,
-    albedo: NDArray[np.floating[Any]] | None = None,
-) -> NDArray[np.float32]:
+    normals: NormalMap, direction: ArrayLike, *, occlusion: Floats | None = None, albedo: Floats | None = None
+) -> F32:
     """A matt surface under a distant white light, without cast shadows.
 
     Parameters

@@ -1,16 +1,18 @@
 """Cameras, orthographic or perspective, with their pose; camera files."""
 
 import logging
-import os
 from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from mpsnet_core.arrays.sizes import finite_array
+from mpsnet_core.arrays.types import F64, Floats
 from mpsnet_core.errors import FormatError, GeometryError, SettingsError
 from mpsnet_core.io.files import prefix_errors, read_json, write_json
 from mpsnet_core.io.from_files import takes_files
+from mpsnet_core.io.opening import AnyPath
 
 log = logging.getLogger(__name__)
 
@@ -54,13 +56,13 @@ class Camera:
     """Width of the image, in pixels."""
     height: int
     """Height of the image, in pixels."""
-    focal: NDArray[np.float64]
+    focal: F64
     """(2,) float64. Along x and y: the focal length in pixels if perspective, the pixels per world unit if
     orthographic."""
-    centre: NDArray[np.float64] = None  # type: ignore[assignment]  # never None once made
+    centre: F64 = None  # type: ignore[assignment]  # never None once made
     """(2,) float64. Principal point in pixels; pixel (row r, column c) covers [c, c+1] x [r, r+1] with row 0 on top.
     The image centre by default."""
-    world_from_camera: NDArray[np.float64] = field(default_factory=lambda: np.eye(4))
+    world_from_camera: F64 = field(default_factory=lambda: np.eye(4))
     """(4, 4) float64. Rigid pose; the identity by default. Camera axes: x right, y up, z towards the viewer (Blender's
     and OpenGL's)."""
 
@@ -70,14 +72,12 @@ class Camera:
         for what, size in (("width", self.width), ("height", self.height)):
             if isinstance(size, bool) or not isinstance(size, int | np.integer) or not 1 <= size <= MAX_SIDE:
                 raise GeometryError(f"the camera's {what} must be a whole number of pixels from 1 to {MAX_SIDE}")
-        focal = _numbers(self.focal, (2,), "focal", np.inf)
+        focal = finite_array(self.focal, (2,), "the camera's focal", np.inf)
         if not ((focal >= MIN_FOCAL) & (focal <= MAX_VALUE)).all():
-            raise GeometryError(
-                f"the camera's focal must be above 0 in x and in y, {MIN_FOCAL:g} to {MAX_VALUE:g} pixels"
-            )
+            raise GeometryError(f"the camera's focal in x and in y must be {MIN_FOCAL:g} to {MAX_VALUE:g} pixels")
         middle = np.array([self.width / 2, self.height / 2])
-        centre = _numbers(middle if self.centre is None else self.centre, (2,), "centre", MAX_VALUE)
-        pose = _numbers(self.world_from_camera, (4, 4), "world_from_camera", FARTHEST)
+        centre = finite_array(middle if self.centre is None else self.centre, (2,), "the camera's centre", MAX_VALUE)
+        pose = finite_array(self.world_from_camera, (4, 4), "the camera's world_from_camera", FARTHEST)
         turn = pose[:3, :3]
         rigid = np.allclose(turn.T @ turn, np.eye(3), atol=1e-4) and np.linalg.det(turn) > 0
         if not rigid or not np.allclose(pose[3], [0, 0, 0, 1]):
@@ -89,7 +89,7 @@ class Camera:
             object.__setattr__(self, name, value)
 
     @property
-    def rotation(self) -> NDArray[np.float64]:
+    def rotation(self) -> F64:
         """(3, 3) rotation from camera space to world space."""
         return self.world_from_camera[:3, :3]
 
@@ -109,7 +109,7 @@ class Camera:
         centre = (self.centre - (left, top)) / factor
         return replace(self, width=width, height=height, focal=self.focal / factor, centre=centre)
 
-    def projection_rows(self) -> NDArray[np.float64]:
+    def projection_rows(self) -> F64:
         """(3, 4) projection matrix P: for a homogeneous world point p, P p is (x w, y w, w) in pixels."""
         camera_from_world = np.linalg.inv(self.world_from_camera)
         (fx, fy), (cx, cy) = self.focal, self.centre
@@ -117,10 +117,9 @@ class Camera:
             rows = np.array([[fx, 0, 0, cx], [0, -fy, 0, cy], [0, 0, 0, 1.0]])
         else:
             rows = np.array([[fx, 0, -cx, 0], [0, -fy, -cy, 0], [0, 0, -1.0, 0]])
-        projection: NDArray[np.float64] = rows @ camera_from_world
-        return projection
+        return rows @ camera_from_world
 
-    def extent(self, points: NDArray[np.floating[Any]]) -> tuple[slice, slice]:
+    def extent(self, points: Floats) -> tuple[slice, slice]:
         """Rows and columns of the image that bound world points (N, 3), at least one of each.
 
         All of them if a point is beside or behind the camera, where projections are meaningless.
@@ -136,12 +135,11 @@ class Camera:
             spans.append(slice(start, int(np.clip(np.ceil(place.max()) + 2, start + 1, length))))
         return spans[0], spans[1]
 
-    def depth_row(self) -> NDArray[np.float64]:
+    def depth_row(self) -> F64:
         """(4,) row d: a homogeneous world point's distance in front of the camera along its axis is d·p."""
-        row: NDArray[np.float64] = -np.linalg.inv(self.world_from_camera)[2]
-        return row
+        return -np.linalg.inv(self.world_from_camera)[2]
 
-    def points(self, depth: NDArray[np.floating[Any]], first_row: int = 0) -> NDArray[np.float64]:
+    def points(self, depth: Floats, first_row: int = 0) -> F64:
         """(h, W, 3) points in camera space: rows of pixels from `first_row` on, at `depth` (h, W) along the axis."""
         depth = np.asarray(depth, np.float64)
         x = (np.arange(depth.shape[1]) + 0.5 - self.centre[0]) / self.focal[0]
@@ -149,7 +147,7 @@ class Camera:
         scale = depth if self.projection == "perspective" else np.ones_like(depth)
         return np.stack([x * scale, y[:, None] * scale, -depth], axis=-1)
 
-    def rays(self, points: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def rays(self, points: ArrayLike) -> tuple[F64, F64]:
         """World-space origins and unit directions, each (N, 3), of the rays through image points (N, 2) in pixels."""
         points = np.asarray(points, dtype=np.float64)
         x, y = ((points - self.centre) / self.focal * (1, -1)).T
@@ -205,42 +203,19 @@ def camera_for(camera: Camera | float | None, width: int, height: int, remedy: s
     # Whoever scales a photo rounds its shorter side to whole pixels.
     longer = max(width, height) / max(camera.width, camera.height)
     if max(abs(camera.width * longer - width), abs(camera.height * longer - height)) > 1:
-        raise GeometryError(
-            f"the camera is {camera.width} x {camera.height} but the photo is {width} x {height}; {remedy}"
-        )
+        sizes = f"{camera.width} x {camera.height} but the photo is {width} x {height}"
+        raise GeometryError(f"the camera is {sizes}; {remedy}")
     log.info(
-        "the camera is for %d x %d pixels and the photo has %d x %d: the camera is scaled; if the photo was cropped "
-        "instead, give its own camera",
-        camera.width,
-        camera.height,
-        width,
-        height,
+        f"the camera is for {camera.width} x {camera.height} pixels and the photo has {width} x {height}: the camera "
+        "is scaled; if the photo was cropped instead, give its own camera"
     )
     return camera.resized(width, height)
 
 
-def _numbers(value: ArrayLike, shape: tuple[int, ...], what: str, most: float) -> NDArray[np.float64]:
-    try:
-        array = np.array(value, dtype=np.float64)
-    except (TypeError, ValueError, OverflowError):
-        array = np.empty(0)
-    if array.shape != shape or not np.isfinite(array).all():
-        raise GeometryError(f"the camera's {what} must be {' by '.join(map(str, shape))} finite numbers")
-    if (np.abs(array) > most).any():
-        raise GeometryError(f"the camera's {what} holds a number beyond {most:g}; correct it")
-    return array
-
-
 def camera_data(camera: Camera) -> dict[str, Any]:
     """A camera as plain JSON data, the inverse of :func:`camera_from_data`."""
-    return {
-        "projection": camera.projection,
-        "width": int(camera.width),
-        "height": int(camera.height),
-        "focal": camera.focal.tolist(),
-        "centre": camera.centre.tolist(),
-        "world_from_camera": camera.world_from_camera.tolist(),
-    }
+    sizes = {"projection": camera.projection, "width": int(camera.width), "height": int(camera.height)}
+    return sizes | {name: getattr(camera, name).tolist() for name in ("focal", "centre", "world_from_camera")}
 
 
 def camera_from_data(data: dict[str, Any]) -> Camera:
@@ -254,7 +229,7 @@ def camera_from_data(data: dict[str, Any]) -> Camera:
     return Camera(**{key: data[key] for key in CAMERA_KEYS if key in data})
 
 
-def read_camera(path: str | os.PathLike[str]) -> Camera:
+def read_camera(path: AnyPath) -> Camera:
     """Read a JSON camera file.
 
     Raises
@@ -272,7 +247,7 @@ def read_camera(path: str | os.PathLike[str]) -> Camera:
 
 
 @takes_files
-def write_camera(path: str | os.PathLike[str], camera: Camera) -> None:
+def write_camera(path: AnyPath, camera: Camera) -> None:
     """Write a JSON camera file atomically.
 
     Raises

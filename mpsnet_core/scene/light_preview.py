@@ -9,15 +9,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from mpsnet_core.arrays.types import F32, F64, Bools
 from mpsnet_core.arrays.unit_vectors import dot, normalised
 from mpsnet_core.errors import GeometryError
 from mpsnet_core.io.image import linear_to_srgb
 from mpsnet_core.scene.camera import Camera
 from mpsnet_core.scene.mesh import Mesh
 from mpsnet_core.scene.normal_encoding import encode
-from mpsnet_core.scene.rays import Hits, RayScene, lift_to_curve
+from mpsnet_core.scene.rays import OFFSET, Hits, RayScene, lift_to_curve
 from mpsnet_core.scene.rig import LightRig
-from mpsnet_core.scene.visibility import OFFSET
 
 # Colours of pixels that no light, one and two lights reach. Where three do, the normal's colour is shown.
 TOO_FEW = np.array([(0, 0, 0), (0.75, 0.05, 0.05), (1, 0.6, 0)], np.float32)
@@ -27,13 +27,13 @@ TOO_FEW = np.array([(0, 0, 0), (0.75, 0.05, 0.05), (1, 0.6, 0)], np.float32)
 class LitView:
     """A matt white mesh under a rig, as a camera sees it."""
 
-    photo: NDArray[np.float32]
+    photo: F32
     """(H, W, 3) float32. Linear; 1 where the surface faces a light of full strength."""
-    normals: NDArray[np.float32]
+    normals: F32
     """(H, W, 3) float32. The mesh's normals, in camera space."""
-    mask: NDArray[np.bool_]
+    mask: Bools
     """(H, W) bool. Where the mesh is."""
-    reached: NDArray[np.bool_]
+    reached: Bools
     """(H, W, 3) bool. Which lights reach the pixel."""
 
     @property
@@ -42,15 +42,14 @@ class LitView:
         counts = np.bincount(self.reached.sum(axis=-1)[self.mask], minlength=4)
         return [float(count) for count in counts / counts.sum()]
 
-    def picture(self) -> NDArray[np.float32]:
+    def picture(self) -> F32:
         """(H, 2 W, 4) display values and opacity: the photo on the left, on the right the normals as colours where
         three lights reach, :data:`TOO_FEW` elsewhere."""
         count = self.reached.sum(axis=-1)
         right = np.where((count == 3)[..., None], encode(self.normals), TOO_FEW[np.minimum(count, 2)])
         colours = np.concatenate([linear_to_srgb(self.photo), right], axis=1)
         opacity = np.concatenate([self.mask, self.mask], axis=1)[..., None]
-        picture: NDArray[np.float32] = np.concatenate([colours * opacity, opacity], axis=-1).astype(np.float32)
-        return picture
+        return np.concatenate([colours * opacity, opacity], axis=-1).astype(np.float32)
 
 
 def lit_view(camera: Camera, rig: LightRig, mesh: Mesh) -> LitView:
@@ -95,9 +94,7 @@ def lit_view(camera: Camera, rig: LightRig, mesh: Mesh) -> LitView:
     )
 
 
-def _surface(
-    mesh: Mesh, hits: Hits, points: NDArray[np.float64], view: NDArray[np.float64], offset: float
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _surface(mesh: Mesh, hits: Hits, points: F64, view: F64, offset: float) -> tuple[F64, F64]:
     """Unit normals at points (N, 3) that rays hit, in world space, and the origins of rays that leave the surface.
 
     view: (N, 3) towards the viewer. Normals of back faces are flipped.
@@ -112,20 +109,13 @@ def _surface(
     return normals, points + lift
 
 
-def _irradiance(
-    camera: Camera,
-    rig: LightRig,
-    scene: RayScene,
-    points: NDArray[np.float64],
-    normals: NDArray[np.float64],
-    starts: NDArray[np.float64],
-) -> NDArray[np.float64]:
+def _irradiance(camera: Camera, rig: LightRig, scene: RayScene, points: F64, normals: F64, starts: F64) -> F64:
     """(N, 3) irradiance by each light at points (N, 3) in world space; 1 where a surface faces one of full strength."""
     if rig.near is None:
         arriving = np.broadcast_to(rig.directions @ camera.rotation.T, (len(points), 3, 3))
     else:
         arriving = rig.near.lights_at((points - camera.world_from_camera[:3, 3]) @ camera.rotation) @ camera.rotation.T
-    irradiance: NDArray[np.float64] = np.maximum(np.einsum("nki,ni->nk", arriving, normals), 0)
+    irradiance: F64 = np.maximum(np.einsum("nki,ni->nk", arriving, normals), 0)
     for number in range(3):
         facing = np.flatnonzero(irradiance[:, number])
         towards = normalised(np.ascontiguousarray(arriving[facing, number]))

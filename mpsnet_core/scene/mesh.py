@@ -1,28 +1,79 @@
-"""Meshes of triangles with UVs, shading normals and tangents at every corner; mesh files."""
+"""Labels: the material or the object of each of a mesh's triangles."""
 
+import itertools
 import logging
-import os
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mpsnet_core.arrays.polygon_triangulation import triangulated
+from mpsnet_core.arrays.types import F32, F64, I32, I64
 from mpsnet_core.arrays.unit_vectors import SHORTEST, dot, normalised
 from mpsnet_core.errors import FormatError, GeometryError
 from mpsnet_core.io.files import existing_file, prefix_errors
+from mpsnet_core.io.from_files import takes_files
 from mpsnet_core.io.gltf import Part, read_gltf
-from mpsnet_core.io.mesh_import import SUFFIXES, read_shape
 from mpsnet_core.io.npz import read_arrays
-from mpsnet_core.io.obj import MAX_CORNERS, read_obj
-from mpsnet_core.io.ply import read_ply
-from mpsnet_core.io.polygons import Polygons, checked_indices
-from mpsnet_core.scene.mesh_labels import Labels, labels_of_runs
+from mpsnet_core.io.opening import AnyPath
+from mpsnet_core.io.polygons import MAX_CORNERS, SUFFIXES, Polygons, checked_indices, read_obj, read_ply, read_shape
 from mpsnet_core.scene.mikktspace import mikktspace_tangents
+
+
+@dataclass(frozen=True, eq=False)
+class Labels:
+    """A name for each of T triangles.
+
+    Raises
+    ------
+    GeometryError
+        If a name occurs twice or an index is out of range.
+
+    Examples
+    --------
+    >>> labels = Labels(("glaze", "clay"), np.array([0, 0, 1]))
+    >>> [labels.names[number] for number in labels.number]
+    ['glaze', 'glaze', 'clay']
+    """
+
+    names: tuple[str, ...]
+    """Distinct names."""
+    number: I32
+    """(T,) int32. Each triangle's index into `names`."""
+
+    def __post_init__(self) -> None:
+        number = np.asarray(self.number)
+        if number.ndim != 1 or number.dtype.kind not in "iu":
+            raise GeometryError("labels need one whole number for each triangle; export the mesh again")
+        if len(number) and not (number.min() >= 0 and number.max() < len(self.names)):
+            raise GeometryError(f"labels are numbered up to {number.max()}, of {len(self.names)} names; export again")
+        if len(set(self.names)) < len(self.names):
+            raise GeometryError("two labels have the same name; export the mesh again")
+        object.__setattr__(self, "names", tuple(map(str, self.names)))
+        object.__setattr__(self, "number", number.astype(np.int32))
+
+    def __len__(self) -> int:
+        return len(self.number)
+
+
+def labels_of_runs(runs: Iterable[tuple[str, int]]) -> Labels:
+    """Labels from run lengths: names with a number of triangles each. Names may repeat."""
+    names: dict[str, int] = {}
+    numbers, counts = [], []
+    for name, count in runs:
+        if count:
+            numbers.append(names.setdefault(name, len(names)))
+            counts.append(count)
+    return Labels(tuple(names), np.repeat(np.array(numbers, np.int32), counts))
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Meshes of triangles with UVs, shading normals and tangents at every corner; mesh files.
+
 
 log = logging.getLogger(__name__)
 
@@ -55,23 +106,23 @@ class Mesh:
     [1.0, 0.0, 0.0, 1.0]
     """
 
-    vertices: NDArray[np.float64]
+    vertices: F64
     """(V, 3) float64. Positions. Unused vertices are dropped: a stray one far away would distort the mesh's size."""
-    triangles: NDArray[np.int32]
+    triangles: I32
     """(T, 3) int32. Vertex indices, counter-clockwise seen from outside."""
-    corner_normals: NDArray[np.float32]
+    corner_normals: F32
     """(T, 3, 3) float32. Unit shading normals."""
-    uvs: NDArray[np.float32]
+    uvs: F32
     """(T, 3, 2) float32. UV coordinates, v up. A texture covers one unit square."""
-    given_tangents: NDArray[np.float32] | None = None
+    given_tangents: F32 | None = None
     """(T, 3, 4) float32. The value of :attr:`tangents`; by default it is computed by MikkTSpace."""
-    world_from_object: NDArray[np.float64] = field(default_factory=lambda: np.eye(4))
+    world_from_object: F64 = field(default_factory=lambda: np.eye(4))
     """(4, 4) float64. Affine transform, scaling included; the identity by default."""
     materials: Labels | None = None
     """Each triangle's material."""
     objects: Labels | None = None
     """Each triangle's object."""
-    polygons: NDArray[np.int32] | None = None
+    polygons: I32 | None = None
     """(T,) int32. The polygon of each triangle, for the tangents of quads: see
     :func:`.mikktspace.mikktspace_tangents`."""
 
@@ -114,26 +165,24 @@ class Mesh:
                 raise GeometryError(f"the mesh has {count} triangles, but {what} for {len(labels)}; export it again")
 
     @cached_property
-    def tangents(self) -> NDArray[np.float32]:
+    def tangents(self) -> F32:
         """(T, 3, 4) unit tangent T of every corner, then the sign s of its bitangent B = s N x T."""
         if self.given_tangents is not None:
             return self.given_tangents
         return mikktspace_tangents(self.vertices[self.triangles], self.corner_normals, self.uvs, self.polygons)
 
     @cached_property
-    def world_vertices(self) -> NDArray[np.float64]:
+    def world_vertices(self) -> F64:
         """(V, 3) vertices in world space."""
-        placed: NDArray[np.float64] = self.vertices @ self.world_from_object[:3, :3].T + self.world_from_object[:3, 3]
-        return placed
+        return self.vertices @ self.world_from_object[:3, :3].T + self.world_from_object[:3, 3]
 
     @cached_property
-    def world_areas(self) -> NDArray[np.float64]:
+    def world_areas(self) -> F64:
         """(T,) areas of the triangles in world space."""
-        areas: NDArray[np.float64] = np.linalg.norm(triangle_normals(self.world_vertices[self.triangles]), axis=1) / 2
-        return areas
+        return np.linalg.norm(triangle_normals(self.world_vertices[self.triangles]), axis=1) / 2
 
     @cached_property
-    def outwards(self) -> NDArray[np.float32]:
+    def outwards(self) -> F32:
         """(T, 3) unit normals of the triangles' outsides in world space: what a camera sees of them depends on these.
 
         Shading normals only tell the outside of the whole mesh: they may point anywhere, as on foliage.
@@ -150,7 +199,7 @@ class Mesh:
         return bool(np.count_nonzero(outwards < 0) > len(outwards) / 2)
 
     @cached_property
-    def normals_to_world(self) -> NDArray[np.float64]:
+    def normals_to_world(self) -> F64:
         """(3, 3) matrix to multiply row normals in object space by for world space. It does not keep unit length.
 
         Normals transform by the inverse transpose; for row vectors, that is the inverse.
@@ -170,19 +219,18 @@ def _check_finite(name: str, values: NDArray[Any]) -> None:
         raise GeometryError(f"the mesh's {name} hold a value beyond {MAX_VALUE:g}; repair the mesh")
 
 
-def _scales(pose: NDArray[np.float64]) -> NDArray[np.float64]:
+def _scales(pose: F64) -> F64:
     """(3,) scale factors (singular values) of a pose, largest first."""
-    scales: NDArray[np.float64] = np.linalg.svd(pose[:3, :3], compute_uv=False)
-    return scales
+    return np.linalg.svd(pose[:3, :3], compute_uv=False)
 
 
-def _check_pose(world_from_object: NDArray[np.float64]) -> None:
+def _check_pose(world_from_object: F64) -> None:
     scales = _scales(world_from_object)
     if scales[-1] <= 1e-9 * scales[0]:
         raise GeometryError("the object is scaled to nothing in one direction; give it a scale above 0")
 
 
-def read_mesh(path: str | os.PathLike[str], *, shape_only: bool = False, up: Up = "z", unit: float = 1.0) -> Mesh:
+def read_mesh(path: AnyPath, *, shape_only: bool = False, up: Up = "z", unit: float = 1.0) -> Mesh:
     """Read a mesh with UVs: OBJ, PLY, GLB, or the ``.npz`` that the add-on writes.
 
     Polygons are triangulated. All objects and materials of the file become one mesh, labelled with their names. Shading
@@ -213,27 +261,31 @@ def read_mesh(path: str | os.PathLike[str], *, shape_only: bool = False, up: Up 
     if path.stat().st_size > MAX_MESH_BYTES:
         raise FormatError(f"mesh file {path} is larger than 4 GiB; reduce the mesh first")
     with prefix_errors(f"mesh file {path}"):
-        reader = _READERS.get(path.suffix.lower())
-        if reader is None:
+        suffix = path.suffix.lower()
+        if suffix in _POLYGON_READERS:
+            mesh = _of_polygons(_POLYGON_READERS[suffix](path), shape_only)
+        elif suffix in (".npz", ".glb", ".gltf"):
+            mesh = _read_npz(path, shape_only) if suffix == ".npz" else _read_glb(path, shape_only)
+        else:
             raise FormatError(f"{path.suffix or 'no suffix'} is not a supported mesh format; use OBJ, PLY, GLB or npz")
-        mesh = reader(path, shape_only)
         if up != "z" or unit != 1:
             mesh = replace(mesh, world_from_object=world_from_file(up, unit) @ mesh.world_from_object)
     if not shape_only and mesh.is_inside_out:
         log.warning(
-            "mesh file %s: most of its faces point the opposite way from its normals, as in a PLY of a "
-            "mirrored object, which would bake an inverted green channel; apply the object's scale or flip the "
-            "faces, and export it again",
-            path,
+            f"mesh file {path}: most of its faces point the opposite way from its normals, as in a PLY of a mirrored "
+            "object, which would bake an inverted green channel; apply the object's scale or flip the faces, and "
+            "export it again"
         )
     return mesh
 
 
-def world_from_file(up: Up, unit: float) -> NDArray[np.float64]:
+def world_from_file(up: Up, unit: float) -> F64:
     """(4, 4) transform to world space from that of a file with this axis up, whose unit has this length."""
-    turned: NDArray[np.float64] = np.diag([unit, unit, unit, 1.0]) @ (_FROM_Y_UP if up == "y" else np.eye(4))
-    return turned
+    return np.diag([unit, unit, unit, 1.0]) @ (_FROM_Y_UP if up == "y" else np.eye(4))
 
+
+_POLYGON_READERS: dict[str, Callable[[Path], Polygons]] = {".obj": read_obj, ".ply": read_ply}
+_POLYGON_READERS |= dict.fromkeys(SUFFIXES, read_shape)
 
 # The .npz arrays of labels: the names, and each triangle's index into them.
 _LABEL_KEYS = {"materials": "triangle_material", "objects": "triangle_object"}
@@ -256,30 +308,21 @@ def _read_npz(path: Path, shape_only: bool) -> Mesh:
     if str(arrays.get("format")) != MESH_FORMAT:
         raise FormatError(f"it is not a {MESH_FORMAT} file; export it with the add-on")
     if not np.array_equal(arrays.get("version", 0), MESH_VERSION):
-        raise FormatError(
-            f"it is version {arrays.get('version')}, this program reads version {MESH_VERSION}; update it"
-        )
-    missing = [name for name in ("vertices", "triangles", "corner_normals", "uvs") if name not in arrays]
+        raise FormatError(f"it is version {arrays.get('version')}, this program reads {MESH_VERSION}; update it")
+    needed = ("vertices", "triangles", "corner_normals", "uvs")
+    missing = [name for name in needed if name not in arrays]
     if missing:
         raise FormatError(f'it lacks "{missing[0]}"; export it again')
-    return Mesh(
-        arrays["vertices"],
-        arrays["triangles"],
-        arrays["corner_normals"],
-        _no_uvs(len(np.atleast_1d(arrays["triangles"]))) if shape_only else arrays["uvs"],
-        arrays.get("tangents"),
+    vertices, triangles, normals, uvs = (arrays[name] for name in needed)
+    uvs, pose = (
+        _no_uvs(len(np.atleast_1d(triangles))) if shape_only else uvs,
         arrays.get("world_from_object", np.eye(4)),
-        **_labels_of_arrays(arrays),
-        polygons=arrays.get("triangle_polygon"),
     )
+    polygons, labels = arrays.get("triangle_polygon"), _labels_of_arrays(arrays)
+    return Mesh(vertices, triangles, normals, uvs, arrays.get("tangents"), pose, **labels, polygons=polygons)
 
 
-def _mesh_of(read: Callable[[Path], Polygons]) -> Callable[[Path, bool], Mesh]:
-    """The reader of a format, of a path and whether UVs are ignored, from the reader of its polygons."""
-    return lambda path, shape_only: _of_polygons(read(path), shape_only)
-
-
-def _of_polygons(found: Polygons, shape_only: bool, world_from_object: NDArray[np.float64] | None = None) -> Mesh:
+def _of_polygons(found: Polygons, shape_only: bool, world_from_object: F64 | None = None) -> Mesh:
     """Triangulate and shade what a file says. Polygons of fewer than three corners are left out."""
     found = _faces_of(found)
     if not len(found.sizes):
@@ -295,16 +338,10 @@ def _of_polygons(found: Polygons, shape_only: bool, world_from_object: NDArray[n
             who = "it has" if without.all() else "some of its faces have"
             raise GeometryError(f"{who} no UVs; unwrap it in Blender (UV > Smart UV Project) and export it with UVs")
         uvs = found.uvs[order]
-    mesh = Mesh(
-        found.vertices,
-        found.corners[order].astype(np.int32),
-        _shaded(found)[order],
-        uvs,
-        world_from_object=np.eye(4) if world_from_object is None else world_from_object,
-        materials=_labels(found.materials, found.sizes - 2),
-        objects=_labels(found.objects, found.sizes - 2),
-        polygons=np.repeat(np.arange(len(found.sizes)), found.sizes - 2),
-    )
+    counts, pose = found.sizes - 2, np.eye(4) if world_from_object is None else world_from_object
+    labels, polygons = [_labels(runs, counts) for runs in (found.materials, found.objects)], np.arange(len(counts))
+    triangles, normals = found.corners[order].astype(np.int32), _shaded(found)[order]
+    mesh = Mesh(found.vertices, triangles, normals, uvs, None, pose, *labels, np.repeat(polygons, counts))
     if found.tangents is None or shape_only:
         return mesh
     given = found.tangents[order]
@@ -334,7 +371,7 @@ def _counted(runs: Sequence[tuple[str, int]], numbers: NDArray[Any]) -> list[tup
     return [(name, int(count)) for (name, _), count in zip(runs, np.diff(summed), strict=True)]
 
 
-def _labels(runs: Sequence[tuple[str, int]] | None, triangles: NDArray[np.int64]) -> Labels | None:
+def _labels(runs: Sequence[tuple[str, int]] | None, triangles: I64) -> Labels | None:
     """Labels of triangles from names with the number of polygons of each. triangles: (F,) how many each polygon has."""
     return None if runs is None else labels_of_runs(_counted(runs, triangles))
 
@@ -347,9 +384,8 @@ def _read_glb(path: Path, shape_only: bool) -> Mesh:
     poses = [np.linalg.inv(frame) @ part.pose for part in parts]
     if not (shape_only or all(map(_keeps_angles, poses))):
         log.warning(
-            "mesh file %s: its objects are stretched in several ways, and textures in tangent space fit only some "
-            "of them; apply their scale (in Blender: Object > Apply > Scale) and export it again",
-            path,
+            f"mesh file {path}: its objects are stretched in several ways, and textures in tangent space fit only some "
+            "of them; apply their scale (in Blender: Object > Apply > Scale) and export it again"
         )
     with np.errstate(all="ignore"):  # what is not finite is refused later
         placed = [_placed(part, pose) for part, pose in zip(parts, poses, strict=True)]
@@ -357,40 +393,28 @@ def _read_glb(path: Path, shape_only: bool) -> Mesh:
     corners = np.concatenate([part.triangles.ravel() + start for part, start in zip(placed, starts, strict=True)])
     counts = [len(part.triangles) for part in placed]
 
-    def joined(name: str, width: int) -> NDArray[np.float64]:
-        values = [getattr(part, name) for part in placed]
-        rows = np.concatenate(
-            [
-                np.full((len(part.vertices), width), np.nan) if value is None else value
-                for part, value in zip(placed, values, strict=True)
-            ]
-        )
-        found: NDArray[np.float64] = rows[corners]
-        return found
+    def joined(name: str, width: int) -> F64:
+        values = [(getattr(part, name), np.full((len(part.vertices), width), np.nan)) for part in placed]
+        return np.concatenate([none if given is None else given for given, none in values])[corners]
 
-    found = Polygons(
-        np.concatenate([part.vertices for part in placed]),
-        corners,
-        np.full(sum(counts), 3),
-        joined("uvs", 2),
-        joined("normals", 3),
-        joined("tangents", 4) if any(part.tangents is not None for part in placed) else None,
-        np.repeat([0 if part.normals is None else number for number, part in enumerate(placed, 1)], counts),
-        list(zip([part.material for part in placed], counts, strict=True))
-        if any(part.material for part in placed)
-        else None,
-        list(zip([part.name for part in placed], counts, strict=True)),
+    vertices, sizes = np.concatenate([part.vertices for part in placed]), np.full(sum(counts), 3)
+    tangents = joined("tangents", 4) if any(part.tangents is not None for part in placed) else None
+    smooth = np.repeat([0 if part.normals is None else number for number, part in enumerate(placed, 1)], counts)
+    materials, objects = (
+        [(getattr(part, what), len(part.triangles)) for part in placed] for what in ("material", "name")
     )
+    materials = materials if any(name for name, _ in materials) else None
+    shading = joined("uvs", 2), joined("normals", 3), tangents, smooth
+    found = Polygons(vertices, corners, sizes, *shading, materials, objects)
     if found.tangents is not None and found.uvs is not None and _are_mirrored(found.tangents, found.uvs):
         log.warning(
-            "mesh file %s: the handedness of most of its tangents contradicts its UVs; the texture fits these tangents "
-            "and not those that programs such as Blender compute",
-            path,
+            f"mesh file {path}: the handedness of most of its tangents contradicts its UVs; the texture fits these "
+            "tangents and not those that programs such as Blender compute"
         )
     return _of_polygons(found, shape_only, frame)
 
 
-def _are_mirrored(tangents: NDArray[np.float64], uvs: NDArray[np.float64]) -> bool:
+def _are_mirrored(tangents: F64, uvs: F64) -> bool:
     """Whether the signs of most tangents of triangles, one for each corner, contradict the UVs'."""
     a, b, c = np.moveaxis(uvs.reshape(-1, 3, 2), 1, 0)
     (u1, v1), (u2, v2) = (b - a).T, (c - a).T
@@ -398,7 +422,7 @@ def _are_mirrored(tangents: NDArray[np.float64], uvs: NDArray[np.float64]) -> bo
     return bool(np.count_nonzero(signs < 0) > np.count_nonzero(signs > 0))
 
 
-def _frame(poses: Sequence[NDArray[np.float64]]) -> NDArray[np.float64]:
+def _frame(poses: Sequence[F64]) -> F64:
     """(4, 4) transform to world space from the space that the parts of a GLB are read in.
 
     That is world space itself, or the own space of the first part that its node scales non-uniformly: tangent-space
@@ -409,12 +433,12 @@ def _frame(poses: Sequence[NDArray[np.float64]]) -> NDArray[np.float64]:
     return next((pose for pose in poses if not _keeps_angles(pose)), np.eye(4))
 
 
-def _keeps_angles(pose: NDArray[np.float64]) -> bool:
+def _keeps_angles(pose: F64) -> bool:
     scales = _scales(pose)
     return bool(scales[-1] > (1 - SAME_SCALE) * scales[0])
 
 
-def _placed(part: Part, pose: NDArray[np.float64]) -> Part:
+def _placed(part: Part, pose: F64) -> Part:
     """A part transformed by `pose`."""
     vertices, triangles, normals, tangents = part.vertices, part.triangles, part.normals, part.tangents
     checked_indices(triangles, len(vertices))
@@ -431,12 +455,12 @@ def _placed(part: Part, pose: NDArray[np.float64]) -> Part:
     return replace(part, vertices=vertices, triangles=triangles, normals=normals, tangents=tangents)
 
 
-def _no_uvs(count: int) -> NDArray[np.float32]:
+def _no_uvs(count: int) -> F32:
     """(T, 3, 2) placeholder UVs: each triangle covers half of the texture."""
     return np.broadcast_to(np.array([[0, 0], [1, 0], [0, 1]], np.float32), (count, 3, 2))
 
 
-def _shaded(found: Polygons) -> NDArray[np.float32]:
+def _shaded(found: Polygons) -> F32:
     """(C, 3) unit normals: those of the file or, where it has none or a zero one, by its smoothing groups."""
     normals = np.full((len(found.corners), 3), np.nan) if found.normals is None else found.normals
     with np.errstate(over="ignore"):
@@ -452,13 +476,10 @@ def _shaded(found: Polygons) -> NDArray[np.float32]:
 
 def triangle_normals(corners: NDArray[Any]) -> NDArray[Any]:
     """(T, 3) normals of counter-clockwise triangles (T, 3, 3). Their length is twice the area."""
-    normals: NDArray[Any] = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    return normals
+    return np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
 
 
-def shared_normals(
-    corners: NDArray[np.float64], shared: NDArray[np.integer[Any]], sizes: NDArray[np.int64] | None = None
-) -> NDArray[np.float64]:
+def shared_normals(corners: F64, shared: NDArray[np.integer[Any]], sizes: I64 | None = None) -> F64:
     """(..., 3) normals like Blender's: the mean of the polygons' normals, weighted by the corners' angles.
 
     Parameters
@@ -482,16 +503,43 @@ def shared_normals(
     angles = np.arctan2(np.linalg.norm(np.cross(ahead, behind), axis=-1), dot(ahead, behind))
     weighted = np.repeat(faces, sizes, axis=0) * angles[:, None]
     summed = np.stack([np.bincount(number, weighted[:, axis]) for axis in range(3)], axis=-1)
-    normals: NDArray[np.float64] = normalised(summed)[number].reshape(corners.shape)
-    return normals
+    return normalised(summed)[number].reshape(corners.shape)
 
 
-# Readers of a path and of whether UVs are ignored, by suffix.
-_READERS: dict[str, Callable[[Path, bool], Mesh]] = {
-    ".npz": _read_npz,
-    ".obj": _mesh_of(read_obj),
-    ".ply": _mesh_of(read_ply),
-    ".glb": _read_glb,
-    ".gltf": _read_glb,
-    **dict.fromkeys(SUFFIXES, _mesh_of(read_shape)),
-}
+# ----------------------------------------------------------------------------------------------------------------------
+# Several meshes joined for occlusion and world positions, where only their shape matters.
+
+
+T = TypeVar("T", bound=np.generic)
+
+
+@takes_files
+def join_meshes(meshes: Sequence[Mesh]) -> Mesh:
+    """Join meshes into one in world space, with their triangles in order.
+
+    Parameters
+    ----------
+    meshes : sequence of Mesh
+        A single mesh is returned unchanged. Of several, labels and given tangents are dropped.
+
+    Raises
+    ------
+    GeometryError
+        If the joined arrays are not a valid :class:`Mesh`.
+    """
+    if len(meshes) == 1:
+        return meshes[0]
+    starts = itertools.accumulate((len(mesh.vertices) for mesh in meshes[:-1]), initial=0)
+    normals = [normalised(mesh.corner_normals @ mesh.normals_to_world.astype(np.float32)) for mesh in meshes]
+    triangles = [_outwards(mesh, mesh.triangles) + start for mesh, start in zip(meshes, starts, strict=True)]
+    return Mesh(
+        np.concatenate([mesh.world_vertices for mesh in meshes]),
+        np.concatenate(triangles),
+        np.concatenate(list(map(_outwards, meshes, normals))),
+        np.concatenate([_outwards(mesh, mesh.uvs) for mesh in meshes]),
+    )
+
+
+def _outwards(mesh: Mesh, at_corners: NDArray[T]) -> NDArray[T]:
+    """Corner values (T, 3, ...) in counter-clockwise order in world space: reversed for a mirrored object."""
+    return at_corners[:, ::-1] if mesh.is_mirrored else at_corners

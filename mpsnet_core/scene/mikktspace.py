@@ -11,7 +11,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from mpsnet_core.arrays.connected_components import connected
+from mpsnet_core.arrays.mask_regions import connected
+from mpsnet_core.arrays.types import F32, F64, I64, Bools
 from mpsnet_core.arrays.unit_vectors import dot, normalised
 
 # A mesh further from the origin than this many times its size is moved there: positions are compared in single
@@ -21,7 +22,7 @@ FAR = 16
 
 def mikktspace_tangents(
     corners: ArrayLike, normals: ArrayLike, uvs: ArrayLike, polygons: NDArray[np.integer[Any]] | None = None
-) -> NDArray[np.float32]:
+) -> F32:
     """Tangent and bitangent sign for every corner of every triangle.
 
     Parameters
@@ -62,19 +63,13 @@ def mikktspace_tangents(
     return tangents.reshape(-1, 3, 4).astype(np.float32)
 
 
-def _near_origin(corners: NDArray[np.float64]) -> NDArray[np.float64]:
+def _near_origin(corners: F64) -> F64:
     low, high = corners.min(axis=(0, 1)), corners.max(axis=(0, 1))
-    middle: NDArray[np.float64] = (low + high) / 2
+    middle: F64 = (low + high) / 2
     return corners - middle if np.linalg.norm(middle) > FAR * np.linalg.norm(high - low) else corners
 
 
-def _tangents(
-    corners: NDArray[np.float64],
-    normals: NDArray[np.float64],
-    uvs: NDArray[np.float64],
-    vertex: NDArray[np.int64],
-    quads: NDArray[np.int64],
-) -> NDArray[np.float64]:
+def _tangents(corners: F64, normals: F64, uvs: F64, vertex: I64, quads: I64) -> F64:
     """(3T, 4) tangents of triangles, zero where undefined. quads: first triangle of each; the second is the next."""
     directions, areas, usable = _triangle_tangents(corners, uvs)
     distinct = _three_places(corners)
@@ -91,7 +86,7 @@ def _tangents(
 
     group = _groups(pairs, turns)
     count = int(group.max()) + 1
-    summed: NDArray[np.float64] = np.stack([np.bincount(group, weighted[:, axis], count) for axis in range(3)], axis=-1)
+    summed: F64 = np.stack([np.bincount(group, weighted[:, axis], count) for axis in range(3)], axis=-1)
     tangents = np.empty((len(group), 4))
     tangents[:, :3] = _normalised_or_zero(summed)[group]
     tangents[:, 3] = np.where(np.repeat(turns, 3), 1.0, -1.0)
@@ -111,19 +106,19 @@ def _tangents(
 class _Quads:
     """The Q quads among the triangles. Corners have flat indices, three per triangle."""
 
-    first: NDArray[np.int64]
+    first: I64
     """(Q,). First triangle of each; the second one is the next."""
-    around: NDArray[np.int64]
+    around: I64
     """(Q, 4). Its corners in order."""
-    diagonal: NDArray[np.int64]
+    diagonal: I64
     """(Q, 2). The other two of the six corners."""
-    twins: NDArray[np.int64]
+    twins: I64
     """(Q, 2). The corners in `around` that these duplicate."""
     triangles: int
     """Number of all triangles."""
 
     @classmethod
-    def of(cls, polygons: NDArray[np.integer[Any]], vertex: NDArray[np.int64]) -> "_Quads":
+    def of(cls, polygons: NDArray[np.integer[Any]], vertex: I64) -> "_Quads":
         starts = np.flatnonzero(np.diff(polygons, prepend=polygons[0] - 1))
         first = starts[np.diff(starts, append=len(polygons)) == 2]
         # The corners 0, 1, 2 and 0, 2, 3, or 0, 1, 3 and 1, 2, 3.
@@ -132,21 +127,20 @@ class _Quads:
         known = at_0 | ((one[:, 1] == other[:, 0]) & (one[:, 2] == other[:, 2]))
         first, at_0 = first[known], at_0[known, None]
 
-        def numbered(one: list[int], other: list[int]) -> NDArray[np.int64]:
-            corners: NDArray[np.int64] = 3 * first[:, None] + np.where(at_0, one, other)
-            return corners
+        def numbered(one: list[int], other: list[int]) -> I64:
+            return 3 * first[:, None] + np.where(at_0, one, other)
 
         around = numbered([0, 1, 2, 5], [0, 1, 4, 2])
         return cls(first, around, numbered([3, 4], [3, 5]), numbered([0, 2], [1, 2]), len(vertex))
 
-    def split(self, corners: NDArray[np.float64], uvs: NDArray[np.float64]) -> NDArray[np.int64]:
+    def split(self, corners: F64, uvs: F64) -> I64:
         """(T, 3) corners of all triangles, each quad divided along its shorter diagonal."""
 
-        def diagonals(points: NDArray[np.float64]) -> NDArray[np.float32]:
+        def diagonals(points: F64) -> F32:
             """(Q, 2) squared lengths from corner 0 to 2 and from 1 to 3, in single precision as in mikktspace.c."""
             placed = points.reshape(-1, points.shape[-1])[self.around].astype(np.float32)
             with np.errstate(over="ignore"):
-                squared: NDArray[np.float32] = ((placed[:, 2:] - placed[:, :2]) ** 2).sum(axis=-1)
+                squared: F32 = ((placed[:, 2:] - placed[:, :2]) ** 2).sum(axis=-1)
             return squared
 
         in_uv, in_space = diagonals(uvs), diagonals(corners)
@@ -156,9 +150,9 @@ class _Quads:
         split[self.first + 1] = np.where(from_0[:, None], self.around[:, [0, 2, 3]], self.around[:, [1, 2, 3]])
         return split
 
-    def complete(self, tangents: NDArray[np.float64], places: NDArray[np.float64]) -> None:
+    def complete(self, tangents: F64, places: F64) -> None:
         """Copy tangents to the corners of each quad that have none. tangents: (3T, 4). places: (3T, 3) positions."""
-        missing: NDArray[np.bool_] = ~np.any(tangents[self.around, :3], axis=-1)
+        missing: Bools = ~np.any(tangents[self.around, :3], axis=-1)
         some = np.flatnonzero(missing.any(axis=1))
         for one, other in permutations(range(4), 2):
             to, source = self.around[some, one], self.around[some, other]
@@ -167,9 +161,7 @@ class _Quads:
         tangents[self.diagonal] = tangents[self.twins]
 
 
-def _turned_alike(
-    areas: NDArray[np.float64], usable: NDArray[np.bool_], distinct: NDArray[np.bool_], quads: NDArray[np.int64]
-) -> NDArray[np.bool_]:
+def _turned_alike(areas: F64, usable: Bools, distinct: Bools, quads: I64) -> Bools:
     """Whether each triangle is counter-clockwise in UV space. If a quad's two differ, the larger one decides."""
     turns = areas > 0
     other = quads + 1
@@ -180,52 +172,46 @@ def _turned_alike(
     return turns
 
 
-def _normalised_or_zero(vectors: NDArray[np.float64]) -> NDArray[np.float64]:
+def _normalised_or_zero(vectors: F64) -> F64:
     """Vectors (..., 3) scaled to unit length; zero vectors stay zero."""
     return np.asarray(np.where(np.any(vectors != 0, axis=-1, keepdims=True), normalised(vectors), 0.0))
 
 
-def _in_plane(vectors: NDArray[np.float64], normals: NDArray[np.float64]) -> NDArray[np.float64]:
+def _in_plane(vectors: F64, normals: F64) -> F64:
     height = dot(vectors, normals)[..., None]
-    projected: NDArray[np.float64] = vectors - normals * height
-    return projected
+    return vectors - normals * height
 
 
-def _welded(corners: NDArray[np.float64], normals: NDArray[np.float64], uvs: NDArray[np.float64]) -> NDArray[np.int64]:
+def _welded(corners: F64, normals: F64, uvs: F64) -> I64:
     """(T, 3) a number for every distinct position, normal and UV."""
     rows = np.concatenate([corners, normals, uvs], axis=2).reshape(-1, 8).astype(np.float32) + np.float32(0)
     keys = np.ascontiguousarray(rows).view(np.dtype((np.void, rows.itemsize * rows.shape[1]))).ravel()
-    numbers: NDArray[np.int64] = np.unique(keys, return_inverse=True)[1].reshape(-1, 3).astype(np.int64)
-    return numbers
+    return np.unique(keys, return_inverse=True)[1].reshape(-1, 3).astype(np.int64)
 
 
-def _triangle_tangents(
-    corners: NDArray[np.float64], uvs: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.bool_]]:
+def _triangle_tangents(corners: F64, uvs: F64) -> tuple[F64, F64, Bools]:
     """Each triangle's unit direction of increasing u, twice its area in UV space, and whether both are defined."""
     d1, d2 = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
     t1, t2 = uvs[:, 1] - uvs[:, 0], uvs[:, 2] - uvs[:, 0]
     doubled_area = t1[:, 0] * t2[:, 1] - t1[:, 1] * t2[:, 0]
-    along_u: NDArray[np.float64] = t2[:, 1:] * d1 - t1[:, 1:] * d2
+    along_u: F64 = t2[:, 1:] * d1 - t1[:, 1:] * d2
     along_u[doubled_area <= 0] *= -1
     along_v = -t2[:, :1] * d1 + t1[:, :1] * d2
     tiny = np.finfo(np.float32).tiny
-    usable = (
-        (np.abs(doubled_area) > tiny)
-        & (np.linalg.norm(along_u, axis=1) > tiny)
-        & (np.linalg.norm(along_v, axis=1) > tiny)
-    )
+    usable = np.abs(doubled_area) > tiny
+    for along in (along_u, along_v):
+        usable &= np.linalg.norm(along, axis=1) > tiny
     return _normalised_or_zero(along_u), doubled_area, usable
 
 
-def _three_places(corners: NDArray[np.float64]) -> NDArray[np.bool_]:
+def _three_places(corners: F64) -> Bools:
     """(T,) whether a triangle's corners are at three distinct positions."""
     rounded = corners.astype(np.float32)
-    same: NDArray[np.bool_] = (rounded == np.roll(rounded, 1, axis=1)).all(axis=2).any(axis=1)
+    same: Bools = (rounded == np.roll(rounded, 1, axis=1)).all(axis=2).any(axis=1)
     return ~same
 
 
-def _meeting_edges(vertex: NDArray[np.int64], distinct: NDArray[np.bool_]) -> NDArray[np.int64]:
+def _meeting_edges(vertex: I64, distinct: Bools) -> I64:
     """(E, 2, 2) flat corner indices of shared edges: an edge's two ends, on either triangle.
 
     Two triangles share an edge if they traverse it in opposite directions.
@@ -242,7 +228,7 @@ def _meeting_edges(vertex: NDArray[np.int64], distinct: NDArray[np.bool_]) -> ND
     return np.stack([ends[first], ends[first + 1]], axis=-1)
 
 
-def _adopted(turns: NDArray[np.bool_], usable: NDArray[np.bool_], pairs: NDArray[np.int64]) -> NDArray[np.bool_]:
+def _adopted(turns: Bools, usable: Bools, pairs: I64) -> Bools:
     """Orientations, where triangles without UV area adopt that of their first neighbour: groups extend across them."""
     turns, known = turns.copy(), usable.copy()
     triangles = pairs[:, 0] // 3
@@ -256,7 +242,7 @@ def _adopted(turns: NDArray[np.bool_], usable: NDArray[np.bool_], pairs: NDArray
         known[waiting[:, 1]] = True
 
 
-def _groups(pairs: NDArray[np.int64], turns: NDArray[np.bool_]) -> NDArray[np.int64]:
+def _groups(pairs: I64, turns: Bools) -> I64:
     """(3T,) a number for every set of corners that share one tangent."""
     triangles = pairs[:, 0] // 3
     sharing = pairs[turns[triangles[:, 0]] == turns[triangles[:, 1]]].reshape(-1, 2)

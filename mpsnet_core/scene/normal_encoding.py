@@ -7,20 +7,20 @@ a flat area is then the same colour, without a step towards its neighbours. Whic
 """
 
 import logging
-import os
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mpsnet_core.arrays.resampling import grid_step
 from mpsnet_core.arrays.row_bands import FEW_ROWS, bands, on_all_cores
-from mpsnet_core.arrays.sampling import grid_step
+from mpsnet_core.arrays.types import F32, F64, Bools, Floats
 from mpsnet_core.errors import Choices
 from mpsnet_core.io.files import stored_levels
 from mpsnet_core.io.image_reading import read_data
 from mpsnet_core.io.image_writing import write_bands
 from mpsnet_core.io.marks import made
+from mpsnet_core.io.opening import AnyPath
 
 log = logging.getLogger(__name__)
 
@@ -44,9 +44,7 @@ _SPIKE = 1.2
 _MOST = 0.95
 
 
-def encode(
-    vectors: NDArray[np.floating[Any]], convention: Convention = "opengl", levels: int | None = None
-) -> NDArray[np.float32]:
+def encode(vectors: Floats, convention: Convention = "opengl", levels: int | None = None) -> F32:
     """Vectors (..., 3) as colours from 0 to 1. For DirectX, green is -y.
 
     levels: the highest level of a file of integers, 255 or 65535, for colours whose level 128 or 32768 is zero; None
@@ -60,13 +58,13 @@ def encode(
 
 
 def write_vectors(
-    path: str | os.PathLike[str],
-    vectors: NDArray[np.floating[Any]],
+    path: AnyPath,
+    vectors: Floats,
     *,
     convention: Convention = "opengl",
     bits: int | None = None,
     description: str | None = None,
-    mask: NDArray[np.bool_] | None = None,
+    mask: Bools | None = None,
 ) -> None:
     """Write unit vectors (H, W, 3) as colours, as described above; float files hold 0.5 + 0.5 n. The write is atomic.
 
@@ -76,7 +74,7 @@ def write_vectors(
     levels = stored_levels(path, bits)
     height, width = vectors.shape[:2]
 
-    def colours(rows: slice) -> NDArray[np.float32]:
+    def colours(rows: slice) -> F32:
         band = encode(vectors[rows], convention, levels)
         return band if mask is None else np.concatenate([band, mask[rows, :, None]], axis=-1)
 
@@ -85,9 +83,7 @@ def write_vectors(
     write_bands(path, (height, width, channels), colours, bits=bits, description=told)
 
 
-def read_vectors(
-    path: str | os.PathLike[str], convention: Convention = "opengl"
-) -> tuple[NDArray[np.float32], NDArray[np.float32] | None]:
+def read_vectors(path: AnyPath, convention: Convention = "opengl") -> tuple[F32, F32 | None]:
     """The vectors (H, W, 3) of a normal map, and its alpha (H, W), None if it has none.
 
     The vectors have about unit length where the file holds normals, any length elsewhere, and may be not finite. A note
@@ -109,13 +105,13 @@ def read_vectors(
     return colours, alpha
 
 
-def _is_cover(alpha: NDArray[np.floating[Any]]) -> bool:
+def _is_cover(alpha: Floats) -> bool:
     """Whether an alpha (H, W) says where there are normals: most of it says yes or no."""
     step = grid_step(alpha.size, SAMPLED)
     return bool((np.abs(alpha[::step, ::step] - 0.5) > 0.48).mean() > 0.5)
 
 
-def _signs(convention: Convention) -> NDArray[np.float32]:
+def _signs(convention: Convention) -> F32:
     return np.array([1, _GREEN[convention], 1], dtype=np.float32)
 
 
@@ -136,9 +132,7 @@ class _Storage:
     signed: bool = False
     """Whether floats hold the normal's components themselves, from -1 to 1."""
 
-    def decode(
-        self, colours: NDArray[np.float32], alpha: NDArray[np.floating[Any]] | None, convention: Convention
-    ) -> None:
+    def decode(self, colours: F32, alpha: Floats | None, convention: Convention) -> None:
         """Turn colours into vectors in place, as a copy of a large photo's normals takes much memory."""
         signs = _signs(convention)
 
@@ -157,7 +151,7 @@ class _Storage:
 
         on_all_cores(decoded, bands(len(colours), FEW_ROWS))
 
-    def _scale(self, band: NDArray[np.float32]) -> None:
+    def _scale(self, band: F32) -> None:
         top = self.levels or 1
         band *= np.float32(top)
         flat = [None if level is None else np.abs(band[..., n] - level) < 0.5 for n, level in enumerate(self.flat)]
@@ -187,7 +181,7 @@ class _Storage:
         return "; ".join(words)
 
 
-def _storage_of(colours: NDArray[np.float32], alpha: NDArray[np.floating[Any]] | None) -> _Storage:
+def _storage_of(colours: F32, alpha: Floats | None) -> _Storage:
     """How a file with these colours (H, W, 3) and alpha (H, W) stores normals."""
     step = grid_step(colours[..., 0].size, SAMPLED)
     some = colours[::step, ::step].reshape(-1, 3).astype(np.float64)
@@ -214,18 +208,16 @@ def _storage_of(colours: NDArray[np.float32], alpha: NDArray[np.floating[Any]] |
     return _Storage(z, x_in_alpha, levels, (x, y, x), (x_flat, y_flat))
 
 
-def _are_unit(vectors: NDArray[np.float64], tolerance: float = 0.05) -> NDArray[np.bool_]:
+def _are_unit(vectors: F64, tolerance: float = 0.05) -> Bools:
     return np.asarray(np.abs(np.linalg.norm(vectors, axis=-1) - 1) < tolerance)
 
 
-def _unit(vectors: NDArray[np.float64]) -> float:
+def _unit(vectors: F64) -> float:
     """The fraction of vectors (N, 3) that have about unit length."""
     return float(_are_unit(vectors).mean())
 
 
-def _channels(
-    some: NDArray[np.float64], alpha: NDArray[np.float64] | None
-) -> tuple[bool, Literal["alike", "from 0", "none"]]:
+def _channels(some: F64, alpha: F64 | None) -> tuple[bool, Literal["alike", "from 0", "none"]]:
     """Whether x is in alpha, and how blue holds z, from a sample of colours (N, 3) and alpha (N)."""
     red, green, blue = some.T
     alike = _are_unit(2 * some - 1)
@@ -247,18 +239,18 @@ def _channels(
     return False, "from 0" if likely else "alike"
 
 
-def _horizontal(x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.float64]:
+def _horizontal(x: F64, y: F64) -> F64:
     """Squared lengths of (x, y), which are given as colours."""
     return (2 * x - 1) ** 2 + (2 * y - 1) ** 2
 
 
-def _are_horizontal(x: NDArray[np.float64], y: NDArray[np.float64]) -> bool:
+def _are_horizontal(x: F64, y: F64) -> bool:
     """Whether colours are x and y of unit vectors, most of which have some z, too."""
     squared = _horizontal(x, y)
     return bool((squared < 1.02).mean() > _MOST and (squared < 0.9).mean() > 0.5)
 
 
-def _levels(some: NDArray[np.float64]) -> float | None:
+def _levels(some: F64) -> float | None:
     """The highest level of the integer file that such values come from, even if converted since; None for floats."""
     if some.min() < 0 or some.max() > 1:
         return None
@@ -270,7 +262,7 @@ def _levels(some: NDArray[np.float64]) -> float | None:
     return None
 
 
-def _zeros_by_length(stored: NDArray[np.float64]) -> tuple[float | None, float | None]:
+def _zeros_by_length(stored: F64) -> tuple[float | None, float | None]:
     """The levels of x = 0 and y = 0, of 127, 127.5 and 128, by levels (N, 3); None for one that cannot be known.
 
     Steep normals have the same length all around the right zero only. Their levels lie on a sphere, whose centre is
@@ -296,7 +288,7 @@ def _zeros_by_length(stored: NDArray[np.float64]) -> tuple[float | None, float |
     return zero(centre[1], errors[1]), zero(centre[2], errors[2])
 
 
-def _flat_areas(stored: NDArray[np.float64]) -> tuple[float | None, int | None]:
+def _flat_areas(stored: F64) -> tuple[float | None, int | None]:
     """The zero of x or y by its most frequent levels or their mean, None if unknown; that of flat areas or None."""
     before, low, high, after = (np.count_nonzero(stored == level) for level in (126, 127, 128, 129))
 

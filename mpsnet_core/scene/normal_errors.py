@@ -1,18 +1,17 @@
 """Angular errors of estimated normals, pixel by pixel."""
 
-import os
 from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mpsnet_core.arrays.row_bands import bands
+from mpsnet_core.arrays.types import F32, Bools
 from mpsnet_core.arrays.unit_vectors import angular_error
 from mpsnet_core.errors import FormatError, GeometryError, SettingsError
 from mpsnet_core.io.from_files import takes_files
-from mpsnet_core.io.image_layers import image_layers
-from mpsnet_core.io.image_reading import read_data
+from mpsnet_core.io.image_reading import image_layers, read_data
+from mpsnet_core.io.opening import AnyPath
 from mpsnet_core.io.shown import Shown
 from mpsnet_core.scene.camera import read_camera
 from mpsnet_core.scene.normal_encoding import Convention
@@ -25,15 +24,15 @@ class NormalErrors(Shown):
 
     array_name: ClassVar[str] = "degrees"
 
-    degrees: NDArray[np.float32]
+    degrees: F32
     """(H, W) float32. Angles in degrees."""
-    mask: NDArray[np.bool_]
+    mask: Bools
     """(H, W) bool. Where both normals are known; not empty."""
 
     def facts(self) -> str:
         return f"mean {self.mean:.2f}°, median {self.median:.2f}°, over {self.mask.sum():,} pixels"
 
-    def picture(self, step: int = 1) -> NDArray[np.float32]:
+    def picture(self, step: int = 1) -> F32:
         from mpsnet_core.scene.pictures import scaled_error_bands
 
         return scaled_error_bands(self.degrees[::step, ::step], self.mask[::step, ::step])[1](slice(None))
@@ -47,9 +46,7 @@ class NormalErrors(Shown):
         return float(np.median(self.degrees[self.mask], overwrite_input=True))
 
 
-def read_true_normals(
-    path: str | os.PathLike[str], camera: str | os.PathLike[str] | None = None, *, convention: Convention = "opengl"
-) -> NormalMap:
+def read_true_normals(path: AnyPath, camera: AnyPath | None = None, *, convention: Convention = "opengl") -> NormalMap:
     """True normals in camera space, from a normal map or, with a camera file, from a render's passes in world space.
 
     convention: of the normal map's green channel.
@@ -92,7 +89,7 @@ def normal_errors(estimate: NormalMap, truth: NormalMap) -> NormalErrors:
     return errors_inside(estimate.mask, estimate.vectors[estimate.mask], truth)
 
 
-def errors_inside(mask: NDArray[np.bool_], inside: NDArray[np.float32], truth: NormalMap) -> NormalErrors:
+def errors_inside(mask: Bools, inside: F32, truth: NormalMap) -> NormalErrors:
     """:func:`normal_errors` of an estimate of which only the normals inside its mask, (N, 3), are available."""
     sizes = [f"{shown.shape[1]} x {shown.shape[0]}" for shown in (mask, truth.mask)]
     if sizes[0] != sizes[1]:

@@ -1,18 +1,18 @@
 """Normal maps with a unit vector for every pixel, and their encodings in files."""
 
-import os
 from dataclasses import InitVar, dataclass, field
 from typing import ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mpsnet_core.arrays.resampling import grid_step
 from mpsnet_core.arrays.row_bands import FEW_ROWS, bands, on_all_cores
-from mpsnet_core.arrays.sampling import grid_step
+from mpsnet_core.arrays.types import F32, Bools
 from mpsnet_core.arrays.unit_vectors import normalised
 from mpsnet_core.errors import FormatError, GeometryError
 from mpsnet_core.io.from_files import takes_files
 from mpsnet_core.io.image_reading import read_channel
+from mpsnet_core.io.opening import AnyPath
 from mpsnet_core.io.shown import Shown
 from mpsnet_core.scene.normal_encoding import SAMPLED, Convention, encode, read_vectors, write_vectors
 
@@ -40,12 +40,12 @@ class NormalMap(Shown):
 
     array_name: ClassVar[str] = "vectors"
 
-    vectors: NDArray[np.float32]
+    vectors: F32
     """(H, W, 3) float32 or float16. The normals, normalised here to unit length inside the mask, set to zero
     outside."""
-    mask: NDArray[np.bool_]
+    mask: Bools
     """(H, W) bool. The pixels that have a normal."""
-    confidence: NDArray[np.float32] = field(default_factory=lambda: np.ones((), np.float32))
+    confidence: F32 = field(default_factory=lambda: np.ones((), np.float32))
     """(H, W) of the same type. Confidence from 0 to 1, set to zero outside the mask; 1 inside it by default."""
     in_place: InitVar[bool] = False
     """Whether to overwrite the given arrays rather than copy them."""
@@ -82,7 +82,7 @@ class NormalMap(Shown):
         trust = self.confidence.sum(dtype=np.float64) / self.mask.sum()
         return f"{self.mask.sum():,} normals, mean confidence {trust:.2f}"
 
-    def picture(self, step: int = 1) -> NDArray[np.float32]:
+    def picture(self, step: int = 1) -> F32:
         from mpsnet_core.scene.pictures import on_background
 
         return on_background(encode(self.vectors[::step, ::step]), self.mask[::step, ::step])
@@ -90,7 +90,7 @@ class NormalMap(Shown):
 
 @takes_files
 def write_normals(
-    path: str | os.PathLike[str],
+    path: AnyPath,
     normals: NormalMap,
     *,
     convention: Convention = "opengl",
@@ -121,9 +121,7 @@ def write_normals(
     write_vectors(path, normals.vectors, convention=convention, bits=bits, description=description, mask=normals.mask)
 
 
-def read_normals(
-    path: str | os.PathLike[str], *, convention: Convention = "opengl", confidence: str | os.PathLike[str] | None = None
-) -> NormalMap:
+def read_normals(path: AnyPath, *, convention: Convention = "opengl", confidence: AnyPath | None = None) -> NormalMap:
     """Read camera-space normals written by :func:`write_normals`, or any such map.
 
     Which level is 0 in a file of 8 bits, and how z is stored, is detected: see
@@ -168,7 +166,7 @@ def read_normals(
     return NormalMap(vectors, mask, trust, in_place=True)
 
 
-def _are_unit(vectors: NDArray[np.float32], unit: NDArray[np.bool_]) -> bool:
+def _are_unit(vectors: F32, unit: Bools) -> bool:
     """Whether most vectors, except a background of one colour, have unit length. In a photo, some do by chance."""
     step = grid_step(unit.size, SAMPLED)
     some = vectors[::step, ::step][~unit[::step, ::step]]

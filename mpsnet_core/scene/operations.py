@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, ClassVar, Literal
 
 from mpsnet_core.defaults import CONVENTIONS, ENCODINGS
 from mpsnet_core.errors import SettingsError
-from mpsnet_core.operation import Operation, Result, option
+from mpsnet_core.operation import Operation, Result, option, optional
 from mpsnet_core.progress import Progress, silent
 
 if TYPE_CHECKING:
@@ -87,7 +87,7 @@ class WriteCameras(ReadsPictures):
     command: ClassVar[str] = "cameras"
 
     cameras: str = option(
-        positional=True, help="a COLMAP folder, Metashape's .xml or Meshroom's .sfm", provenance="files"
+        positional=True, help="COLMAP's folder, Metashape's .xml, Meshroom's .sfm", provenance="files"
     )
     photos: str = option(metavar="FOLDER", help="the photos, one for each camera", provenance="files")
     output: str = option(
@@ -115,9 +115,7 @@ class WriteCameras(ReadsPictures):
             self._undistort(view, camera, folder / f"{view.name}.exr")
             corrected_photos += 1
         progress(1.0, "done")
-        lenses = (
-            f", {corrected_photos} photo(s) undistorted" if corrected_photos else ", whose lenses have no distortion"
-        )
+        lenses = f", {corrected_photos} photo(s) undistorted" if corrected_photos else ", without distortion"
         return CamerasWritten(
             str(folder),
             [f"{view.name}{CAMERA_SUFFIX}" for view in views],
@@ -134,7 +132,7 @@ class WriteCameras(ReadsPictures):
         from mpsnet_core.io.image_reading import read_image
         from mpsnet_core.io.image_writing import write_photo
         from mpsnet_core.scene.camera import write_camera
-        from mpsnet_core.scene.photogrammetry import undistorted, undistorted_mask
+        from mpsnet_core.scene.photogrammetry.posed_photo import undistorted, undistorted_mask
 
         assert view.lens is not None
         with prefix_errors(view.photo):
@@ -170,12 +168,10 @@ class CompareNormals(Operation):
 
     normals: str = option(positional=True, help="estimated normal map, in camera space")
     truth: str = option(
-        help="true normal map of the same view; with --camera, Blender's OpenEXR with the passes Normal and Combined"
+        help="the true normal map; with --camera, Blender's OpenEXR with the passes Normal and Combined"
     )
-    camera: str | None = option(
-        default=None,
-        help="camera file of the view, if the true normals are in world space",
-        unset="they are in camera space",
+    camera: str | None = optional(
+        "camera file of the view, if the true normals are in world space", unset="they are in camera space"
     )
     convention: Literal["opengl", "directx"] = option(
         default="opengl", choices=CONVENTIONS, help="which way the green channel of the normal map points"
@@ -183,9 +179,7 @@ class CompareNormals(Operation):
     truth_convention: Literal["opengl", "directx"] = option(
         default="opengl", choices=CONVENTIONS, help="which way the green channel of the true normal map points"
     )
-    output: str | None = option(
-        default=None, metavar="FILE", help="image of the errors with a scale: .png, .tif or .exr"
-    )
+    output: str | None = option(default=None, metavar="FILE", help="image of the errors: .png, .tif or .exr")
 
     def run(self, progress: Progress = silent) -> NormalsCompared:
         """Compare them, and write the error image if requested."""
@@ -245,7 +239,7 @@ class PreviewLights(TakesMesh):
         """Ray trace the mesh, and write the image."""
         import numpy as np
 
-        from mpsnet_core.arrays.upsample import reduced_shape
+        from mpsnet_core.arrays.resampling import reduced_shape
         from mpsnet_core.io.files import atomic_write, check_no_overwrite, prefix_errors, writable_image, writable_path
         from mpsnet_core.io.image_writing import write_picture
         from mpsnet_core.scene.camera import read_camera

@@ -1,6 +1,5 @@
 """Light rigs: the three lights and how their colours mix into the camera's channels; rig files."""
 
-import os
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -8,11 +7,15 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from mpsnet_core.arrays.sizes import finite_array
+from mpsnet_core.arrays.types import F32, F64, Floats
 from mpsnet_core.errors import FormatError, GeometryError, SettingsError
 from mpsnet_core.io.files import atomic_write, check_small, existing_file, prefix_errors, read_json, write_json
 from mpsnet_core.io.from_files import takes_files
+from mpsnet_core.io.opening import AnyPath
+from mpsnet_core.scene.camera import Camera
 
 RIG_FORMAT = "mpsnet-rig"
 RIG_VERSION = 1
@@ -32,30 +35,6 @@ MAX_LOBE = 100
 MIN_LOBE_COSINE = 0.01
 
 
-def _matrix(value: ArrayLike, what: str) -> NDArray[np.float64]:
-    try:
-        matrix = np.array(value, dtype=np.float64)
-    except (TypeError, ValueError, OverflowError):
-        raise GeometryError(f"{what} must be three rows of three numbers") from None
-    if matrix.shape != (3, 3):
-        raise GeometryError(f"{what} must be three rows of three numbers, not an array of shape {matrix.shape}")
-    if not (np.abs(matrix) <= MAX_VALUE).all():
-        raise GeometryError(
-            f"{what} holds a value that is not finite or beyond {MAX_VALUE:g}; every entry must be a number"
-        )
-    return matrix
-
-
-def _three(value: ArrayLike, what: str) -> NDArray[np.float64]:
-    try:
-        three = np.array(value, dtype=np.float64)
-    except (TypeError, ValueError, OverflowError):
-        three = np.empty(0)
-    if three.shape != (3,) or not (np.abs(three) <= MAX_VALUE).all():
-        raise GeometryError(f"{what} must be three finite numbers")
-    return three
-
-
 @dataclass(frozen=True, eq=False)
 class NearLights:
     """Point lights near the object: their direction and irradiance vary over it.
@@ -71,17 +50,18 @@ class NearLights:
     Solution", Journal of Mathematical Imaging and Vision 60, 2018.
     """
 
-    positions: NDArray[np.float64]
+    positions: F64
     """(3, 3) float64. A light per row, in camera space (the scene has negative z), in the unit of the camera's pose and
     the mesh."""
-    target: NDArray[np.float64]
+    target: F64
     """(3,) float64. The point that the lights face. The rig's directions and mixing are valid there."""
     lobe: float = 0.0
     """Angular falloff around the axis to the target, as a power of the cosine: 0 for an isotropic bulb, 1 for a disc or
     a bare LED chip, more for LEDs with a lens."""
 
     def __post_init__(self) -> None:
-        positions, target = _matrix(self.positions, "light positions"), _three(self.target, "the lights' target")
+        positions = finite_array(self.positions, (3, 3), "light positions", MAX_VALUE)
+        target = finite_array(self.target, (3,), "the lights' target", MAX_VALUE)
         for name, place in zip(LIGHT_NAMES, positions, strict=True):
             if np.linalg.norm(place - target) < 1e-9:
                 raise GeometryError(f"the {name} light stands in the target; move one of them")
@@ -91,7 +71,7 @@ class NearLights:
         object.__setattr__(self, "positions", positions)
         object.__setattr__(self, "target", target)
 
-    def lights_at(self, points: NDArray[np.floating[Any]]) -> NDArray[np.float64]:
+    def lights_at(self, points: Floats) -> F64:
         """(..., 3, 3) for points (..., 3) in camera space: per row a light's unit direction times its brightness.
 
         The brightness follows the inverse-square law and the lobe. It is 1 at the target.
@@ -104,8 +84,7 @@ class NearLights:
         if self.lobe:
             cosine = np.einsum("...ki,ki->...k", towards, axes) / (distance * reach)
             brightness *= np.maximum(cosine, MIN_LOBE_COSINE) ** self.lobe
-        lights: NDArray[np.float64] = towards * (brightness / distance)[..., None]
-        return lights
+        return towards * (brightness / distance)[..., None]
 
 
 @dataclass(frozen=True, eq=False)
@@ -124,10 +103,10 @@ class LightRig:
     [90.0, 315.0, 225.0]
     """
 
-    directions: NDArray[np.float64]
+    directions: F64
     """(3, 3) float64. Per row a vector from the surface to a light, normalised here; in rig order: the lights of camera
     channels R, G, B. For near lights, the directions at the target."""
-    mixing: NDArray[np.float64] = field(default_factory=lambda: np.eye(3))
+    mixing: F64 = field(default_factory=lambda: np.eye(3))
     """(3, 3) float64. The mixing matrix: rows are the camera's channels, columns the lights in rig order. The identity
     (no crosstalk) by default. For near lights, the mixing at the target."""
     near: "NearLights | None" = None
@@ -137,7 +116,7 @@ class LightRig:
     them."""
 
     def __post_init__(self) -> None:
-        directions = _matrix(self.directions, "light directions")
+        directions = finite_array(self.directions, (3, 3), "light directions", MAX_VALUE)
         length = np.linalg.norm(directions, axis=1)
         for name, size, vector in zip(LIGHT_NAMES, length, directions, strict=True):
             if size < 1e-9:
@@ -153,7 +132,7 @@ class LightRig:
                 "the three light directions lie (nearly) in one plane, so they do not determine a normal; move one "
                 "light out of the plane of the other two"
             )
-        mixing = _matrix(self.mixing, "the mixing matrix")
+        mixing = finite_array(self.mixing, (3, 3), "the mixing matrix", MAX_VALUE)
         singular = np.linalg.svd(mixing, compute_uv=False)
         if not MIN_MIXING <= singular[0] <= 1 / MIN_MIXING:
             raise GeometryError(f"the mixing matrix is of the size {singular[0]:.3g}; scale its entries to about 1")
@@ -171,12 +150,12 @@ class LightRig:
         object.__setattr__(self, "directions", directions)
         object.__setattr__(self, "mixing", mixing)
 
-    def lights_at(self, points: NDArray[np.floating[Any]]) -> NDArray[np.float64]:
+    def lights_at(self, points: Floats) -> F64:
         """(..., 3, 3) as :meth:`NearLights.lights_at` for points (..., 3) in camera space; for distant lights the
         directions (3, 3), which are the same everywhere."""
         return self.directions if self.near is None else self.near.lights_at(points)
 
-    def unmixed(self, image: NDArray[np.floating[Any]]) -> NDArray[np.float32]:
+    def unmixed(self, image: Floats) -> F32:
         """(..., 3) the contribution of each light: the inverse of the mixing matrix applied to the image.
 
         Inverts ``c = M s`` of the image formation for a grey surface; exact for any surface without crosstalk.
@@ -186,12 +165,12 @@ class LightRig:
         return image @ np.linalg.inv(self.mixing).T.astype(np.float32)
 
     @property
-    def slants(self) -> NDArray[np.float64]:
+    def slants(self) -> F64:
         """(3,) angles from +z in degrees."""
         return angles_of(self.directions)[0]
 
     @property
-    def tilts(self) -> NDArray[np.float64]:
+    def tilts(self) -> F64:
         """(3,) angles from +x towards +y in degrees, 0 to 360."""
         return angles_of(self.directions)[1]
 
@@ -211,13 +190,13 @@ def slant_and_tilt(option: str, given: str) -> tuple[float, float]:
     return slant, tilt
 
 
-def direction_from_angles(slant: ArrayLike, tilt: ArrayLike) -> NDArray[np.float64]:
+def direction_from_angles(slant: ArrayLike, tilt: ArrayLike) -> F64:
     """Unit vector(s), shape (..., 3), of light(s) at `slant` from +z and `tilt` from +x towards +y, in degrees."""
     slant, tilt = np.radians(np.asarray(slant, float)), np.radians(np.asarray(tilt, float))
     return np.stack([np.sin(slant) * np.cos(tilt), np.sin(slant) * np.sin(tilt), np.cos(slant)], axis=-1)
 
 
-def angles_of(directions: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def angles_of(directions: ArrayLike) -> tuple[F64, F64]:
     """Slants and tilts (0 to 360) in degrees, each (...), of directions (..., 3)."""
     x, y, z = np.moveaxis(np.asarray(directions, np.float64), -1, 0)
     return np.degrees(np.arctan2(np.hypot(x, y), z)), np.degrees(np.arctan2(y, x)) % 360.0
@@ -266,12 +245,12 @@ def near_rig(
     GeometryError
         As for :class:`NearLights` and :class:`LightRig`.
     """
-    near = NearLights(_matrix(positions, "light positions"), _three(target, "the lights' target"), lobe)
-    mixed = np.eye(3) if mixing is None else _matrix(mixing, "the mixing matrix")
-    return LightRig(near.positions - near.target, mixed, near, is_ground_truth)
+    near = NearLights(positions, target, lobe)  # type: ignore[arg-type]  # which it converts
+    mixed = np.eye(3) if mixing is None else mixing
+    return LightRig(near.positions - near.target, mixed, near, is_ground_truth)  # type: ignore[arg-type]
 
 
-def read_rig(path: str | os.PathLike[str]) -> LightRig:
+def read_rig(path: AnyPath) -> LightRig:
     """Read a rig file: JSON as :func:`write_rig` writes it, or an ``.lp`` file with exactly three lights.
 
     Raises
@@ -294,12 +273,11 @@ def read_rig(path: str | os.PathLike[str]) -> LightRig:
         if near:
             positions = [_json_position(light, name) for light, name in named]
             return near_rig(positions, data["target"], mixing, data.get("lobe", 0.0), is_ground_truth=exact)
-        return LightRig(
-            np.array([_json_direction(light, name) for light, name in named]), mixing, is_ground_truth=exact
-        )
+        directions = np.array([_json_direction(light, name) for light, name in named])
+        return LightRig(directions, mixing, is_ground_truth=exact)
 
 
-def has_mixing(path: str | os.PathLike[str]) -> bool:
+def has_mixing(path: AnyPath) -> bool:
     """Whether a rig file has a mixing matrix; .lp files do not. Raises as :func:`read_rig` does."""
     if Path(path).suffix.lower() == ".lp":
         return False
@@ -308,7 +286,7 @@ def has_mixing(path: str | os.PathLike[str]) -> bool:
 
 
 @contextmanager
-def rig_data(path: str | os.PathLike[str]) -> Iterator[tuple[dict[str, Any], bool]]:
+def rig_data(path: AnyPath) -> Iterator[tuple[dict[str, Any], bool]]:
     """The JSON of a rig file with three "lights", and whether they are near, which a "target" marks.
 
     Errors in the with block name the file. Raises FileError if it is missing, FormatError if it is malformed.
@@ -329,13 +307,13 @@ def rig_data(path: str | os.PathLike[str]) -> Iterator[tuple[dict[str, Any], boo
         yield data, near
 
 
-def _json_position(light: Any, name: str) -> NDArray[np.float64]:
+def _json_position(light: Any, name: str) -> F64:
     if not isinstance(light, dict) or set(light) != {"position"}:
         raise FormatError(f'the {name} light needs a "position" [x, y, z] and nothing else, as the others have one')
-    return _three(light["position"], f"the {name} light's position")
+    return finite_array(light["position"], (3,), f"the {name} light's position", MAX_VALUE)
 
 
-def _json_direction(light: Any, name: str) -> NDArray[np.float64]:
+def _json_direction(light: Any, name: str) -> F64:
     light = light if isinstance(light, dict) else {}
     if ("direction" in light) == ("slant" in light and "tilt" in light):
         raise FormatError(f'the {name} light needs either "direction" [x, y, z] or "slant" and "tilt" in degrees')
@@ -351,7 +329,7 @@ def _json_direction(light: Any, name: str) -> NDArray[np.float64]:
     return direction
 
 
-def write_lp(path: str | os.PathLike[str], directions: ArrayLike, names: Sequence[str]) -> None:
+def write_lp(path: AnyPath, directions: ArrayLike, names: Sequence[str]) -> None:
     """Write directions (N, 3) in the ``.lp`` format of reflectance transformation imaging (RTI), atomically.
 
     The file has a count, then lines "name x y z": x right, y up, z towards the camera. names: of the photos.
@@ -362,7 +340,7 @@ def write_lp(path: str | os.PathLike[str], directions: ArrayLike, names: Sequenc
         unfinished.write_text("\n".join([str(len(lines)), *lines]) + "\n", encoding="utf-8")
 
 
-def read_lp(path: str | os.PathLike[str]) -> tuple[list[str], NDArray[np.float64]]:
+def read_lp(path: AnyPath) -> tuple[list[str], F64]:
     """Read the ``.lp`` format of reflectance transformation imaging: a count, then "name x y z" on each line.
 
     The numbers may have decimal commas. A line that may mean something else is refused.
@@ -379,9 +357,7 @@ def read_lp(path: str | os.PathLike[str]) -> tuple[list[str], NDArray[np.float64
             raise FormatError('not an .lp file: the first line is the count, then a line "name x y z" a light')
         lights = [_lp_light(number, words) for number, words in lines]
         if len(lights) != int(head[0]):
-            raise FormatError(
-                f"the first line states {head[0]} lights but {len(lights)} lines follow; correct the count"
-            )
+            raise FormatError(f"the first line states {head[0]} lights but {len(lights)} lines follow; correct it")
     return [name for name, _ in lights], np.array([direction for _, direction in lights]).reshape(-1, 3)
 
 
@@ -406,7 +382,7 @@ def _lp_number(word: str) -> float | None:
     return number if np.isfinite(number) else None
 
 
-def _lp_rig(directions: NDArray[np.float64], file_name: str) -> LightRig:
+def _lp_rig(directions: F64, file_name: str) -> LightRig:
     if len(directions) != 3:
         raise FormatError(
             f"it holds {len(directions)} lights, a rig has three; keep the lines of the red, green and blue light, or "
@@ -416,7 +392,7 @@ def _lp_rig(directions: NDArray[np.float64], file_name: str) -> LightRig:
 
 
 @takes_files
-def write_rig(path: str | os.PathLike[str], rig: LightRig) -> None:
+def write_rig(path: AnyPath, rig: LightRig) -> None:
     """Write a JSON rig file atomically.
 
     Raises
@@ -430,11 +406,7 @@ def write_rig(path: str | os.PathLike[str], rig: LightRig) -> None:
 
 
 def write_rig_data(
-    path: str | os.PathLike[str],
-    distant: list[dict[str, Any]],
-    near: NearLights | None,
-    mixing: NDArray[np.float64],
-    is_ground_truth: bool,
+    path: AnyPath, distant: list[dict[str, Any]], near: NearLights | None, mixing: F64, is_ground_truth: bool
 ) -> None:
     """Write a JSON rig file atomically, with the lights `near`, or `distant` if that is None."""
     data: dict[str, Any] = {"format": RIG_FORMAT, "version": RIG_VERSION, "lights": distant}
@@ -444,3 +416,84 @@ def write_rig_data(
     if is_ground_truth or not np.array_equal(mixing, np.eye(3)):  # otherwise it is a default, not a measurement
         data["mixing"] = np.asarray(mixing).tolist()
     write_json(path, {**data, **({"exact": True} if is_ground_truth else {})})
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Three lights that are fixed in the world while the camera moves.
+
+
+@dataclass(frozen=True, eq=False)
+class WorldLights:
+    """Three lights in the world space of mesh and cameras.
+
+    Raises
+    ------
+    GeometryError
+        If the directions are not three finite vectors, or one is zero.
+    """
+
+    directions: F64
+    """(3, 3) float64. Per row a vector from the surface to a light, in world space; in rig order."""
+    mixing: F64 = field(default_factory=lambda: np.eye(3))
+    """(3, 3) float64. The mixing matrix, as in :class:`LightRig`."""
+    near: NearLights | None = None
+    """The positions of the lights, if they are near, and their target, in world space."""
+    is_ground_truth: bool = False
+    """Whether directions and mixing are known exactly, as in :class:`LightRig`."""
+
+    def __post_init__(self) -> None:
+        directions = finite_array(self.directions, (3, 3), "the directions of lights in the world", MAX_VALUE)
+        if not directions.any(axis=1).all():
+            raise GeometryError("a light in the world has the direction zero; give where it stands")
+        object.__setattr__(self, "directions", directions)
+
+    def seen_by(self, camera: Camera) -> LightRig:
+        """The lights in the camera's space. Raises GeometryError if one is behind the object, seen by the camera."""
+        if self.near is None:
+            return LightRig(self.directions @ camera.rotation, self.mixing, is_ground_truth=self.is_ground_truth)
+        places = np.vstack([self.near.positions, self.near.target]) - camera.world_from_camera[:3, 3]
+        *positions, target = places @ camera.rotation
+        return near_rig(positions, target, self.mixing, self.near.lobe, is_ground_truth=self.is_ground_truth)
+
+
+def in_world(rig: LightRig, camera: Camera) -> WorldLights:
+    """A rig from the space of `camera` in world space: the inverse of :meth:`WorldLights.seen_by`."""
+    directions = rig.directions @ camera.rotation.T
+    if rig.near is None:
+        return WorldLights(directions, rig.mixing, is_ground_truth=rig.is_ground_truth)
+    places = np.vstack([rig.near.positions, rig.near.target]) @ camera.rotation.T + camera.world_from_camera[:3, 3]
+    return WorldLights(directions, rig.mixing, NearLights(places[:3], places[3], rig.near.lobe), rig.is_ground_truth)
+
+
+def read_world_lights(path: AnyPath) -> WorldLights:
+    """Read a rig file whose lights have a "direction": [x, y, z] or a "position" in world space.
+
+    Raises FileError if the file is missing, FormatError if it is malformed or has other lights.
+    """
+    if Path(path).suffix.lower() == ".lp":
+        raise FormatError(
+            f"{path}: an .lp file's lights are relative to the camera; for lights in the world give a .json"
+        )
+    with rig_data(path) as (data, is_near):
+        key, mixing = "position" if is_near else "direction", data.get("mixing", np.eye(3))
+        exact = data.get("exact", False)
+        lights = np.array(
+            [_in_world_axes(light, key, name) for light, name in zip(data["lights"], LIGHT_NAMES, strict=True)]
+        )
+        if not is_near:
+            return WorldLights(lights, mixing, is_ground_truth=exact)
+        near = NearLights(lights, data["target"], data.get("lobe", 0.0))
+        return WorldLights(near.positions - near.target, mixing, near, exact)
+
+
+def write_world_lights(path: AnyPath, lights: WorldLights) -> None:
+    """Write a rig file with lights in world space atomically."""
+    distant = [{"direction": direction.tolist()} for direction in lights.directions]
+    write_rig_data(path, distant, lights.near, lights.mixing, lights.is_ground_truth)
+
+
+def _in_world_axes(light: Any, key: str, name: str) -> list[float]:
+    given = light.get(key) if isinstance(light, dict) and set(light) == {key} else None
+    if not isinstance(given, list) or [type(x) in (int, float) for x in given] != [True] * 3:
+        raise FormatError(f'the {name} light stands in the world, where it needs "{key}" [x, y, z], and nothing else')
+    return given

@@ -7,20 +7,12 @@ Equation 2 gives normals for three lights in any order and orientation, but thos
 import logging
 from dataclasses import dataclass
 from itertools import permutations
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from mpsnet_core.arrays.orientation import (
-    MIN_CELLS,
-    TURNS,
-    Outline,
-    blocks_of,
-    is_round,
-    orientation_measures,
-    probabilities,
-)
+from mpsnet_core.arrays import orientation
+from mpsnet_core.arrays.types import F64, Bools, Floats
 from mpsnet_core.arrays.unit_vectors import dot, normalised
 from mpsnet_core.errors import Note
 from mpsnet_core.io.image import CHANNELS
@@ -62,7 +54,7 @@ class RigFit:
     not enough to tell."""
     better: str = ""
     """What is wrong with the rig, as in "the red and green lights are swapped"; empty unless that is sure."""
-    directions: NDArray[np.float64] | None = None
+    directions: F64 | None = None
     """(3, 3). The light directions that fit better, one light per row; None unless that is sure."""
 
 
@@ -73,9 +65,9 @@ class _Candidate(NamedTuple):
     """Numbers of the rig's lights."""
     turn: int
     """Index into :data:`TURNS`."""
-    lights: NDArray[np.float64]
+    lights: F64
     """(3, 3) directions, one light per row."""
-    measures: NDArray[np.float64]
+    measures: F64
     """(4,) measures of the Lambertian normals by these lights."""
 
     @property
@@ -89,7 +81,7 @@ class _Candidate(NamedTuple):
         return " and ".join(words for words in (_order_words(self.order), TURN_WORDS[self.turn]) if words)
 
 
-def check_rig(pixels: NDArray[np.floating[Any]], mask: NDArray[np.bool_], rig: LightRig) -> RigFit:
+def check_rig(pixels: Floats, mask: Bools, rig: LightRig) -> RigFit:
     """Whether a rig fits a photo.
 
     Parameters
@@ -107,7 +99,7 @@ def check_rig(pixels: NDArray[np.floating[Any]], mask: NDArray[np.bool_], rig: L
         What is wrong with the rig is stated only if it is certain. Flat objects, and those that fill the photo, often
         leave it open.
     """
-    blocks = blocks_of(pixels, mask)
+    blocks = orientation.blocks_of(pixels, mask)
     if blocks is None:
         return RigFit()
     light = np.maximum(rig.unmixed(blocks.values), 0).astype(np.float64)
@@ -118,11 +110,11 @@ def check_rig(pixels: NDArray[np.floating[Any]], mask: NDArray[np.bool_], rig: L
 
 def _fit_of(candidates: list[_Candidate]) -> RigFit:
     """The fit of the first candidate, the rig itself, among all."""
-    shares = probabilities(np.array([one.measures for one in candidates]))
+    shares = orientation.probabilities(np.array([one.measures for one in candidates]))
     lights = np.array([one.lights for one in candidates])
     best = int(shares.argmax())
 
-    def largest_angles(directions: NDArray[np.float64]) -> NDArray[np.float64]:
+    def largest_angles(directions: F64) -> F64:
         """(N,) degrees from the light of each candidate that differs most."""
         return np.asarray(np.degrees(np.arccos(np.clip((lights * directions).sum(axis=2).min(axis=1), -1, 1))))
 
@@ -136,7 +128,7 @@ def _fit_of(candidates: list[_Candidate]) -> RigFit:
     known = shares[right | turned].sum()
     if stated >= WRONG or known <= SURE or from_best[0] < MIN_DIFFERENCE or not candidates[best].measures[1]:
         return RigFit(stated)
-    if not is_round(candidates[best].measures):
+    if not orientation.is_round(candidates[best].measures):
         if from_turned[0] < MIN_DIFFERENCE:
             return RigFit(stated)
         right |= turned
@@ -146,7 +138,7 @@ def _fit_of(candidates: list[_Candidate]) -> RigFit:
     return RigFit(stated, words, lights[best])
 
 
-def warn_of_wrong_rig(pixels: NDArray[np.floating[Any]], mask: NDArray[np.bool_], rig: LightRig, which: str) -> None:
+def warn_of_wrong_rig(pixels: Floats, mask: Bools, rig: LightRig, which: str) -> None:
     """Warn if a rig does not fit its photo. which: the beginning of the message. Others as in :func:`check_rig`."""
     better = check_rig(pixels, mask, rig).better
     if better:
@@ -173,7 +165,7 @@ def _order_words(order: tuple[int, ...]) -> str:
 
 
 def _candidates(
-    light: NDArray[np.float64], lit: NDArray[np.bool_], outline: Outline, rig: LightRig, order: tuple[int, ...]
+    light: F64, lit: Bools, outline: orientation.Outline, rig: LightRig, order: tuple[int, ...]
 ) -> list[_Candidate]:
     """The candidates of one order. Their normals are the same, turned.
 
@@ -181,14 +173,14 @@ def _candidates(
     """
     lights = rig.directions[list(order)]
     bright = light[lit]
-    strengths = equal_albedo(bright[::3], lights) if len(bright) >= MIN_CELLS else np.ones(3)
+    strengths = equal_albedo(bright[::3], lights) if len(bright) >= orientation.MIN_CELLS else np.ones(3)
     normals = normalised(light * strengths @ np.linalg.inv(lights).T)
-    measures = orientation_measures(normals, lit, outline)
-    turned = [np.concatenate([lights[:, :2] @ turn.T, lights[:, 2:]], axis=1) for turn in TURNS]
+    measures = orientation.orientation_measures(normals, lit, outline)
+    turned = [np.concatenate([lights[:, :2] @ turn.T, lights[:, 2:]], axis=1) for turn in orientation.TURNS]
     return [_Candidate(order, turn, *both) for turn, both in enumerate(zip(turned, measures, strict=True))]
 
 
-def equal_albedo(colours: NDArray[np.float64], directions: NDArray[np.float64]) -> NDArray[np.float64]:
+def equal_albedo(colours: F64, directions: F64) -> F64:
     """(3,) factors of colours (P, 3) that make their albedo by equation 2 as constant as possible.
 
     directions: (3, 3) one light per row. The factors compensate for the unknown strengths of the lights, which would

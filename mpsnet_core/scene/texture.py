@@ -1,6 +1,5 @@
 """Texture: normals baked onto a mesh's UVs."""
 
-import os
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar, Literal
 
@@ -8,9 +7,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mpsnet_core.arrays.rasterize import TextureSize, width_and_height
+from mpsnet_core.arrays.types import F32, Bools
 from mpsnet_core.defaults import MAX_TEXTURE_SIZE
 from mpsnet_core.errors import SettingsError, check_choice
 from mpsnet_core.io.from_files import takes_files
+from mpsnet_core.io.opening import AnyPath
 from mpsnet_core.io.shown import Shown
 from mpsnet_core.scene.normal_encoding import Convention, encode, write_vectors
 
@@ -24,35 +25,34 @@ class Texture(Shown):
 
     array_name: ClassVar[str] = "vectors"
 
-    vectors: NDArray[np.float32]
+    vectors: F32
     """(H, W, 3) float32. Unit vectors in `space`, row 0 at v = 1; +z where there is no surface."""
-    seen: NDArray[np.bool_]
+    seen: Bools
     """(H, W) bool. Texels that at least one view sees."""
-    covered: NDArray[np.bool_]
+    covered: Bools
     """(H, W) bool. Texels with surface under them."""
     space: Space
     """What the normals are relative to: "tangent" is MikkTSpace, "object" the mesh's own axes."""
     views: NDArray[np.uint16] | None = None
     """(H, W) uint16. Number of views that see each texel."""
-    spread: NDArray[np.float32] | None = None
+    spread: F32 | None = None
     """(H, W) float32. Spread of the views' normals in degrees: the angle whose cosine is the weighted mean cosine
     between each and their mean; 0 where fewer than two views see the texel."""
-    colours: NDArray[np.float32] | None = None
+    colours: F32 | None = None
     """(H, W, 4) float32. If the views have colours: linear RGB, and 1 where some view has a colour, else 0."""
-    filled: NDArray[np.bool_] | None = None
+    filled: Bools | None = None
     """(H, W) bool. Unseen texels that were filled from the seen ones around them; None without filling."""
 
     def facts(self) -> str:
         return f"{self.space} space, {self.seen_fraction:.1%} of its surface seen"
 
-    def picture(self, step: int = 1) -> NDArray[np.float32]:
+    def picture(self, step: int = 1) -> F32:
         return encode(self.vectors[::step, ::step])
 
     def rows(self, rows: slice) -> "Texture":
         """A view of some of its rows, which shares memory with it."""
-        arrays: dict[str, Any] = {
-            name: values[rows] for name, values in vars(self).items() if isinstance(values, np.ndarray)
-        }
+        found = vars(self).items()
+        arrays: dict[str, Any] = {name: one[rows] for name, one in found if isinstance(one, np.ndarray)}
         return replace(self, **arrays)
 
     @property
@@ -68,7 +68,7 @@ class Texture(Shown):
 
 @takes_files
 def write_texture(
-    path: str | os.PathLike[str],
+    path: AnyPath,
     texture: Texture,
     *,
     convention: Convention = "opengl",
@@ -102,9 +102,7 @@ def check_texture(size: TextureSize, space: str, margin: int) -> None:
     """Raise SettingsError if the size, space or margin of a texture is invalid."""
     for side in width_and_height(size):
         if not 1 <= side <= MAX_TEXTURE_SIZE:
-            raise SettingsError(
-                f"a texture of {side} texels cannot be baked; choose a size from 1 to {MAX_TEXTURE_SIZE}"
-            )
+            raise SettingsError(f"a texture has no side of {side} texels; choose a size from 1 to {MAX_TEXTURE_SIZE}")
     if not 0 <= margin <= MAX_TEXTURE_SIZE:
         raise SettingsError(f"islands cannot be grown by a margin of {margin} texels; choose 0 to {MAX_TEXTURE_SIZE}")
     check_choice("space", space, SPACES)

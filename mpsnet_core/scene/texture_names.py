@@ -1,12 +1,12 @@
 """Names of texture files: a pattern whose tokens stand for the UDIM tile, the material and the object."""
 
-import os
 import re
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Protocol
 
 from mpsnet_core.errors import SettingsError
+from mpsnet_core.io.opening import AnyPath
 
 # The tokens, and the attribute of a texture set that replaces them.
 TOKENS = {"<UDIM>": "tile", "<MATERIAL>": "material", "<OBJECT>": "object"}
@@ -33,7 +33,7 @@ def albedo_file(texture: Path) -> Path:
     return texture.with_name(f"{name}{texture.suffix}")
 
 
-def split_by(pattern: str | os.PathLike[str]) -> set[str]:
+def split_by(pattern: AnyPath) -> set[str]:
     """What the pattern's tokens split textures by: "tile", "material", "object".
 
     Raises SettingsError for an unknown token, or one in a folder's name.
@@ -50,7 +50,7 @@ def split_by(pattern: str | os.PathLike[str]) -> set[str]:
     return {TOKENS[token] for token in found}
 
 
-def texture_files(pattern: str | os.PathLike[str], texture_sets: Sequence[NamesTexture]) -> list[Path]:
+def texture_files(pattern: AnyPath, texture_sets: Sequence[NamesTexture]) -> list[Path]:
     """Each texture set's file: the pattern with its tile number and the file-safe names of its material and object.
 
     Names that would clash on some file system are numbered.
@@ -68,18 +68,16 @@ def texture_files(pattern: str | os.PathLike[str], texture_sets: Sequence[NamesT
     return files
 
 
-def check_one_texture(file: str | os.PathLike[str]) -> None:
+def check_one_texture(file: AnyPath) -> None:
     """Raise SettingsError if the file's name contains a token, and so stands for several textures."""
     called = {"tile": "a tile's number", "material": "a material's name", "object": "an object's name"}
     name = "" if Path(file).is_file() else Path(file).name
     for token, what in TOKENS.items():
         if token in name:
-            raise SettingsError(
-                f"{file} stands for several textures; name one of them, with {called[what]} for {token}"
-            )
+            raise SettingsError(f"{file} stands for several textures; name one, with {called[what]} for {token}")
 
 
-def tile_patterns(pattern: str | os.PathLike[str], texture_sets: Sequence[NamesTexture]) -> list[Path]:
+def tile_patterns(pattern: AnyPath, texture_sets: Sequence[NamesTexture]) -> list[Path]:
     """The files of :func:`texture_files` with <UDIM> left in place, as programs name all tiles of a texture.
 
     Raises SettingsError if the pattern has an unknown token, or one in a folder's name.
@@ -87,7 +85,7 @@ def tile_patterns(pattern: str | os.PathLike[str], texture_sets: Sequence[NamesT
     return _named(pattern, texture_sets, ["<UDIM>"] * len(texture_sets))
 
 
-def map_files(pattern: str | os.PathLike[str], texture_sets: Sequence[NamesTexture]) -> list[Path]:
+def map_files(pattern: AnyPath, texture_sets: Sequence[NamesTexture]) -> list[Path]:
     """The files of :func:`texture_files` for maps that are read. Several texture sets may share one.
 
     Raises SettingsError if the pattern has a token that the textures are not split by.
@@ -95,7 +93,7 @@ def map_files(pattern: str | os.PathLike[str], texture_sets: Sequence[NamesTextu
     return _named(pattern, texture_sets, [str(texture_set.tile) for texture_set in texture_sets])
 
 
-def _named(pattern: str | os.PathLike[str], texture_sets: Sequence[NamesTexture], tiles: Sequence[str]) -> list[Path]:
+def _named(pattern: AnyPath, texture_sets: Sequence[NamesTexture], tiles: Sequence[str]) -> list[Path]:
     path = Path(pattern)
     if not path.name:
         raise SettingsError(f"{path} is not a file name; give one")

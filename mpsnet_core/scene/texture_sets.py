@@ -1,7 +1,4 @@
-"""Texture sets: which parts of which meshes share a texture, by UDIM tiles, materials and objects.
-
-UDIM numbers the unit squares of UV space as 1001 + u + 10 v, ten squares to a row. Mari introduced it.
-"""
+"""A mesh's UV islands, and the seams where they meet on the surface."""
 
 import logging
 from collections import Counter
@@ -9,13 +6,80 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mpsnet_core.arrays.mask_regions import connected
 from mpsnet_core.arrays.rasterize import texel_areas
+from mpsnet_core.arrays.types import F64, I32, I64
 from mpsnet_core.errors import GeometryError, InputError
-from mpsnet_core.scene.mesh import Mesh
-from mpsnet_core.scene.mesh_labels import Labels
-from mpsnet_core.scene.uv_islands import islands_of
+from mpsnet_core.scene.mesh import Labels, Mesh
+
+# UVs closer than this coincide; a texel of the largest texture is 60 times as wide.
+SAME_UV = 1e-6
+# Limit of whole numbers.
+FARTHEST = 2.0**62
+# A direction that is unlikely to lie in a plane of symmetry.
+ASKEW = np.array([0.62, 0.55, 0.56])
+
+
+@dataclass(frozen=True)
+class Islands:
+    """UV islands: triangles that are connected in UV space, and the seams that separate them on the surface."""
+
+    of_triangle: I32
+    """(T,). Number of each triangle's island, from 0. Islands are ordered by their position in space, which does not
+    change when the mesh is subdivided."""
+    seam_uvs: F64
+    """(E, 2 sides, 2 ends, 2). UVs of the surface's edges that lie at two places in the texture. The ends are in the
+    same order on both sides."""
+    seam_islands: I32
+    """(E, 2). The island on either side."""
+
+    @property
+    def count(self) -> int:
+        """The number of islands."""
+        return int(self.of_triangle.max()) + 1
+
+
+def islands_of(mesh: Mesh) -> Islands:
+    """A mesh's islands. Vertices at the same point, which some files split at seams, are merged. An edge of more than
+    two triangles joins them in pairs."""
+    places = welded(mesh)
+    texture = np.round(np.clip(mesh.uvs.astype(np.float64) / SAME_UV, -FARTHEST, FARTHEST)).astype(np.int64)
+    start, end = (0, 1, 2), (1, 2, 0)
+    ends = np.stack([places[:, start], places[:, end]], axis=-1).reshape(-1, 2)
+    rounded = np.stack([texture[:, start], texture[:, end]], axis=2).reshape(-1, 2, 2)
+    uvs = np.stack([mesh.uvs[:, start], mesh.uvs[:, end]], axis=2).reshape(-1, 2, 2).astype(np.float64)
+    turned = ends[:, 0] > ends[:, 1]
+    for values in (ends, rounded, uvs):
+        values[turned] = values[turned, ::-1]
+    order = np.lexsort((*rounded.reshape(-1, 4).T, ends[:, 1], ends[:, 0]))
+    one, other = order[:-1], order[1:]
+    shared = (ends[one] == ends[other]).all(axis=1)
+    same = (rounded[one] == rounded[other]).all(axis=(1, 2))
+    root = connected(len(places), one[shared & same] // 3, other[shared & same] // 3)
+    islands = _in_order(mesh, np.unique(root, return_inverse=True)[1].reshape(-1))
+    sides = np.stack([one, other], axis=1)[shared & ~same]
+    return Islands(islands, uvs[sides], islands[sides // 3])
+
+
+def welded(mesh: Mesh) -> I64:
+    """(T, 3) vertex indices of the triangles' corners, equal for vertices at the same point."""
+    return np.unique(mesh.vertices, axis=0, return_inverse=True)[1].reshape(-1)[mesh.triangles]
+
+
+def _in_order(mesh: Mesh, islands: I64) -> I32:
+    middles = mesh.vertices[mesh.triangles].mean(axis=1) @ ASKEW
+    mean = np.bincount(islands, middles) / np.bincount(islands)
+    rank = np.empty(len(mean), np.int32)
+    rank[np.argsort(mean)] = np.arange(len(mean), dtype=np.int32)
+    return rank[islands]
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Texture sets: which parts of which meshes share a texture, by UDIM tiles, materials and objects.
+#
+# UDIM numbers the unit squares of UV space as 1001 + u + 10 v, ten squares to a row. Mari introduced it.
+
 
 log = logging.getLogger(__name__)
 
@@ -38,7 +102,7 @@ class TextureSet:
     (1, 1)
     """
 
-    parts: tuple[NDArray[np.int64] | None, ...]
+    parts: tuple[I64 | None, ...]
     """For each mesh, (K,) int64 indices of its triangles in the set; None for all of them."""
     tile: int | None = None
     """Number of the UDIM tile; None for the unit square from 0 to 1."""
@@ -96,12 +160,12 @@ def texture_sets(
 
 def _groups(
     meshes: Sequence[Mesh], materials: bool, objects: bool
-) -> Iterator[tuple[str | None, str | None, tuple[NDArray[np.int64] | None, ...]]]:
+) -> Iterator[tuple[str | None, str | None, tuple[I64 | None, ...]]]:
     """Yield object, material, and for each mesh the triangles that belong to both."""
     if not (materials or objects):
         yield None, None, (None,) * len(meshes)
         return
-    groups: dict[tuple[str | None, str | None], list[NDArray[np.int64]]] = {}
+    groups: dict[tuple[str | None, str | None], list[I64]] = {}
     taken: Counter[str] = Counter()
     for place, mesh in enumerate(meshes):
         object_names, object_of = _labels(mesh, mesh.objects, "object", objects)
@@ -117,7 +181,7 @@ def _groups(
         yield obj, material, tuple(parts)
 
 
-def _labels(mesh: Mesh, labels: Labels | None, what: str, split: bool) -> tuple[list[str], NDArray[np.int64]]:
+def _labels(mesh: Mesh, labels: Labels | None, what: str, split: bool) -> tuple[list[str], I64]:
     if not split or labels is None:
         return [NAMELESS[what]], np.zeros(len(mesh.triangles), np.int64)
     return [name or NAMELESS[what] for name in labels.names], labels.number.astype(np.int64)
@@ -138,9 +202,7 @@ def _tiles(meshes: Sequence[Mesh], group: TextureSet) -> list[TextureSet]:
     reaches = [_reach(mesh, part) for mesh, part in zip(meshes, group.parts, strict=True)]
     tiles = {number for low, high in reaches for number in _tile_numbers(low, high)}
     if not tiles:
-        raise GeometryError(
-            "all UVs lie outside the UDIM tiles, the first of which, 1001, is 0 to 1; move the UV islands into them"
-        )
+        raise GeometryError("all UVs lie outside the UDIM tiles, of which 1001 is 0 to 1; move the islands into them")
     if len(tiles) > MAX_TILES:
         raise GeometryError(
             f"the UVs lie in {len(tiles)} UDIM tiles, more than the {MAX_TILES} that are baked at once; scale the UV "
@@ -157,7 +219,7 @@ def _tiles(meshes: Sequence[Mesh], group: TextureSet) -> list[TextureSet]:
     return found
 
 
-def _reach(mesh: Mesh, part: NDArray[np.int64] | None) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+def _reach(mesh: Mesh, part: I64 | None) -> tuple[I64, I64]:
     """(K, 2) lower left corners of the first and the last unit square that each triangle covers."""
     uvs = mesh.uvs if part is None else mesh.uvs[part]
     # Clip to one beyond the tiles: enough to tell what is outside, and int64 cannot overflow.
@@ -167,7 +229,7 @@ def _reach(mesh: Mesh, part: NDArray[np.int64] | None) -> tuple[NDArray[np.int64
     return low, np.maximum(low, high)
 
 
-def _tile_numbers(low: NDArray[np.int64], high: NDArray[np.int64]) -> set[int]:
+def _tile_numbers(low: I64, high: I64) -> set[int]:
     numbers = set()
     for first_u, first_v, last_u, last_v in np.unique(np.concatenate([low, high], axis=1), axis=0).tolist():
         for v in range(max(first_v, 0), min(last_v, ROWS_OF_TILES - 1) + 1):
@@ -189,9 +251,7 @@ def _log_uvs_outside_tiles(meshes: Sequence[Mesh], where: str, width: int, heigh
     if count:
         total = sum(len(mesh.triangles) for mesh in meshes)
         tiles = "" if width * height > 1 else "; bake UDIM tiles (<UDIM> in the file's name) to have them too"
-        log.warning(
-            "%d of %d triangles have UVs outside %s, which the texture does not reach%s", count, total, where, tiles
-        )
+        log.warning("%d of %d triangles have UVs outside %s, where no texture is%s", count, total, where, tiles)
 
 
 def _log_islands_across_tiles(meshes: Sequence[Mesh]) -> None:

@@ -6,12 +6,13 @@ from pathlib import Path
 
 from mpsnet_core.errors import FormatError
 from mpsnet_core.io.files import existing_file, prefix_errors, read_json, write_json
+from mpsnet_core.io.opening import AnyPath
 from mpsnet_core.scene.camera import Camera, camera_data, camera_from_data
 
 VIEWS_FORMAT, VIEWS_VERSION = "mpsnet-views", 1
 
 
-def write_views(path: str | os.PathLike[str], views: Iterable[tuple[str, str | os.PathLike[str], Camera]]) -> None:
+def write_views(path: AnyPath, views: Iterable[tuple[str, AnyPath, Camera]]) -> None:
     """Write (name, path of the photo, camera) of each view atomically."""
     listed = [{"name": name, "photo": os.fspath(photo), "camera": camera_data(camera)} for name, photo, camera in views]
     write_json(path, {"format": VIEWS_FORMAT, "version": VIEWS_VERSION, "views": listed})
@@ -21,7 +22,7 @@ def _is_name(name: str) -> bool:
     return name.isprintable() and not set(name) & set("/\\:")
 
 
-def read_views(path: str | os.PathLike[str]) -> list[tuple[str, Path, Camera]]:
+def read_views(path: AnyPath) -> list[tuple[str, Path, Camera]]:
     """Read what :func:`write_views` wrote, sorted by name. Photo paths are relative to the file's folder.
 
     Raises FileError if the file or a photo is missing, FormatError if the file is malformed.

@@ -1,20 +1,20 @@
 """Photos with their cameras, from photogrammetry or from the project's own files."""
 
 import logging
-import os
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from mpsnet_core.errors import FileError, SettingsError
 from mpsnet_core.io.files import prefix_errors
+from mpsnet_core.io.frames import PhotoFolder
 from mpsnet_core.io.image_reading import read_size
-from mpsnet_core.io.photo_folder import PhotoFolder
+from mpsnet_core.io.opening import AnyPath
 from mpsnet_core.scene.camera import AS_SOLVED, Camera, camera_for, read_camera
 from mpsnet_core.scene.view_files import read_views
 
 if TYPE_CHECKING:
-    from mpsnet_core.scene.photogrammetry import Lens
+    from mpsnet_core.scene.photogrammetry.posed_photo import Lens
 
 log = logging.getLogger(__name__)
 
@@ -24,7 +24,7 @@ CAMERA_SUFFIX = ".camera.json"
 COLMAP_SUFFIXES = (".bin", ".txt")
 
 
-def camera_files(cameras: str | os.PathLike[str]) -> list[Path]:
+def camera_files(cameras: AnyPath) -> list[Path]:
     """The files that :func:`posed_photos` may read cameras from: the given file, or the camera files in a folder."""
     path = Path(cameras)
     if not path.is_dir():
@@ -48,9 +48,7 @@ class ViewPhoto:
     """Folder of the photo, relative to the folder of all photos."""
 
 
-def posed_photos(
-    cameras: str | os.PathLike[str], photos: str | os.PathLike[str] | None = None, *, layer: str | None = None
-) -> list[ViewPhoto]:
+def posed_photos(cameras: AnyPath, photos: AnyPath | None = None, *, layer: str | None = None) -> list[ViewPhoto]:
     """Photos with their cameras, sorted by name. A camera of another size than its photo is scaled, with a note.
 
     Parameters
@@ -110,8 +108,9 @@ def _own_photo(camera: Path, photos: PhotoFolder) -> ViewPhoto:
 
 
 def _photogrammetry_photos(cameras: Path, photos: PhotoFolder) -> list[ViewPhoto]:
-    from mpsnet_core.scene.photogrammetry import as_displayed, find_photo, read_cameras
+    from mpsnet_core.scene.photogrammetry import read_cameras
     from mpsnet_core.scene.photogrammetry.colmap import NO_MODEL, model_in
+    from mpsnet_core.scene.photogrammetry.posed_photo import as_displayed, find_photo
 
     if cameras.is_dir() and model_in(cameras) is None:
         raise FileError(

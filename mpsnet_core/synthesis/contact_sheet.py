@@ -10,8 +10,7 @@ from numpy.typing import NDArray
 
 from mpsnet_core.errors import FileError, InputError
 from mpsnet_core.io.image import CHANNELS, linear_to_srgb
-from mpsnet_core.io.image_layers import image_layers
-from mpsnet_core.io.image_reading import read_image
+from mpsnet_core.io.image_reading import image_layers, read_image
 from mpsnet_core.io.provenance import fingerprint, provenance_line
 from mpsnet_core.progress import Progress, silent
 from mpsnet_core.scene.normal_encoding import encode

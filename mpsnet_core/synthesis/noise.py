@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mpsnet_core.arrays.rotations import quaternion_matrix
 from mpsnet_core.arrays.row_bands import bands
+from mpsnet_core.arrays.unit_vectors import quaternion_matrix
 
 Points = NDArray[np.floating[Any]]
 # Points processed at a time: temporary arrays stay in the processor's cache.

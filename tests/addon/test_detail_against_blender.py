@@ -13,7 +13,7 @@ from synthetic import degrees_between
 
 from mpsnet_core.arrays.rasterize import texel_coordinates, triangle_of_texel
 from mpsnet_core.bake.bake import View
-from mpsnet_core.bake.detail_blending import read_base_map
+from mpsnet_core.bake.base_maps import read_base_map
 from mpsnet_core.cli import main
 from mpsnet_core.scene.camera import write_camera
 from mpsnet_core.scene.mesh import read_mesh

@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from mpsnet_core import Capture, read_mesh
-from mpsnet_core.arrays.rotations import rotation_matrices
+from mpsnet_core.arrays.unit_vectors import rotation_matrices
 from mpsnet_core.estimate.alignment.mesh_faces import MeshFaces
 from mpsnet_core.estimate.alignment.points import USUAL_FOCAL, camera_from_points
 from mpsnet_core.estimate.alignment.pose import Poses, spread_rotations

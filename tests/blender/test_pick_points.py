@@ -102,6 +102,21 @@ def test_places_are_clicked_in_turn_moved_deleted_and_taken_back(picking, album,
     assert "Cube" in window.state["objects"]
 
 
+def test_four_pairs_align_the_photo_by_themselves_and_so_does_a_point_that_was_moved(picking):
+    window, stands = picking
+    found = stands()
+    for (_, pixel), (_, point) in zip(found["pixels"], seen(found), strict=False):
+        click(window, pixel)
+        click(window, point)
+    for _ in range(2):
+        window.wait(lambda state: state["running"] == "MPS_OT_align_photo", "alignment that nobody asked for")
+        window.wait(lambda state: not state["running"], "its end")
+        place = [round(at) for at in found["pixels"][0][1]]
+        window.input("mousemove", *place, "sleep", "0.2", "mousedown", 1, "sleep", "0.2")
+        window.input("mousemove", place[0] + 15, place[1] + 15, "sleep", "0.3", "mouseup", 1, "sleep", "0.3")
+        found["pixels"][0][1] = [place[0] + 15, place[1] + 15]
+
+
 EDITOR = """
 window = bpy.context.window_manager.windows[0]
 area = next(area for area in window.screen.areas if area.type in {"DOPESHEET_EDITOR", "IMAGE_EDITOR"})

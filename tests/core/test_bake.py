@@ -14,8 +14,7 @@ from mpsnet_core.bake import bake
 from mpsnet_core.bake.bake import View, bake_normals
 from mpsnet_core.errors import Cancelled, InputError
 from mpsnet_core.scene.camera import Camera
-from mpsnet_core.scene.joined_mesh import join_meshes
-from mpsnet_core.scene.mesh import Mesh
+from mpsnet_core.scene.mesh import Mesh, join_meshes
 from mpsnet_core.scene.normal_map import NormalMap
 from mpsnet_core.scene.texture import Texture
 
@@ -321,7 +320,7 @@ test_a_bad_bake_gets_one_clear_sentence = gets_one_clear_sentence(
         ("sizes differ", lambda b: b.bake(view=f"{b.camera()}={b.normals(size=32)}"), "camera is 16 x 16 but its"),
         ("a view without a camera", lambda b: b.bake(view=str(b.normals())), "normals.png is not CAMERA=NORMALS"),
         ("a view whose camera is missing", lambda b: b.bake(view=f"{b / 'c.json'}={b.normals()}"), "c.json does not"),
-        ("size 0", lambda b: b.bake("--size", "0"), "a texture of 0 texels cannot be baked"),
+        ("size 0", lambda b: b.bake("--size", "0"), "a texture has no side of 0 texels"),
         ("size of three sides", lambda b: b.bake("--size", "8x8x8"), "--size 8x8x8 is not a size in pixels; give"),
         ("unknown space", lambda b: b.bake("--space", "world"), "space 'world' is not known; choose tangent or object"),
         ("8-bit EXR", lambda b: b.bake("--bits", "8", output="t.exr"), "t.exr…hold 16 or 32 bits per channel, not 8"),

@@ -15,7 +15,7 @@ from surface_shapes import camera_looking, sphere_mesh, sphere_view, texels_of
 
 from mpsnet_core import read_camera, read_normals
 from mpsnet_core.bake.bake import View, bake_normals
-from mpsnet_core.bake.colour_matching import matched_views
+from mpsnet_core.bake.view_agreement import matched_views
 from mpsnet_core.estimate.albedo import write_albedo
 from mpsnet_core.io.image import linear_to_srgb
 from mpsnet_core.scene.camera import Camera, write_camera
@@ -190,7 +190,7 @@ test_bad_colours_get_one_clear_sentence = gets_one_clear_sentence(
                     for colours in (None, np.ones((16, 16, 3), np.float32))
                 ],
             ),
-            "some views have colours and others none; give colours for all of them, or for none",
+            "some views have colours and others none; give all of them colours, or none",
         ),
     ]
 )

@@ -120,7 +120,7 @@ def test_meshes_and_cameras_may_move_along(bench: Path, capsys: pytest.CaptureFi
     [
         (("none/*.png", "skin"), "no normal map matches .*; check the pattern"),
         (("normals", "normals/f_7_normals.png"), "is one file, but a sequence is baked; give a folder"),
-        (("normals", "skin", "--confidence", "c.png"), "--confidence takes one normal map per view"),
+        (("normals", "skin", "--confidence", "c.png"), "--confidence is for a single pose; leave it out"),
         (("odd", "skin"), "their names may differ in one number only"),
         (("broken", "skin"), r"all 3 that were tried failed; the first: .*b_1\.png: "),
     ],

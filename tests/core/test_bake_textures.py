@@ -183,7 +183,7 @@ def test_each_wrong_present_map_gets_one_sentence(bench: Bench) -> None:
         )
     ):
         (bench / f"{number}.json").write_text(text)
-    needs = 'each of its "maps" has a "file"'
+    needs = 'each of its "maps" has texts: "file"'
     for given, output, said in [
         ("m.<UDIM>.png", "s.png", "has <UDIM>, but the textures are not split that way"),
         ("x.<UDIM>.png", "s.<UDIM>.png", "there is no existing map for any of the textures; check the path"),
@@ -242,7 +242,7 @@ def test_sequences_are_refused_in_one_sentence(bench: Bench) -> None:
             *arguments, output=output, view=view
         )
     said = bench.refused("--onto", "maps.json", "--space", "tangent", output="frames", view=view)
-    assert "maps.json lists existing maps for several textures; name the one image" in said
+    assert "maps.json lists existing maps for several textures; name one image" in said
 
 
 def test_samples_and_padding_reach_the_bake(bench: Bench) -> None:

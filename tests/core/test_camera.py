@@ -61,7 +61,7 @@ test_a_bad_camera_gets_one_clear_sentence = gets_one_clear_sentence(
     [
         (lambda b: read_camera(b.camera(projection="fisheye")), '"orthographic" or "perspective", not \'fisheye\''),
         ("half a pixel", lambda b: read_camera(b.camera(height=1.5)), "camera.json…height must be a whole number"),
-        ("focal 0", lambda b: read_camera(b.camera(focal=[8, 0])), "camera.json…focal must be above 0"),
+        ("focal 0", lambda b: read_camera(b.camera(focal=[8, 0])), "camera.json…focal in x and in y must be"),
         (lambda b: read_camera(b.camera(world_from_camera=np.diag([2, 2, 2, 1]).tolist())), "not a rotation and a"),
         ("pose mirrored", lambda b: Camera("orthographic", 4, 4, (1, 1), None, np.diag([-1, 1, 1, 1])), "mirroring"),
         (lambda b: read_camera(b.camera(world_from_camera=[[10**400] * 4] * 4)), "world_from_camera must be 4 by 4"),

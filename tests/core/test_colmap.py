@@ -135,7 +135,7 @@ def test_what_is_no_model_is_refused(tmp_path: Path) -> None:
     assert "holds no COLMAP model" in refusal(lambda: read_cameras(tmp_path))
     assert "does not exist" in refusal(lambda: read_cameras(tmp_path / "nowhere"))
     (tmp_path / "points3D.bin").write_bytes(b"")
-    assert "is not a file of a COLMAP model" in refusal(lambda: read_cameras(tmp_path / "points3D.bin"))
+    assert "is no file of a COLMAP model" in refusal(lambda: read_cameras(tmp_path / "points3D.bin"))
     write_binary(tmp_path)
     (tmp_path / "images.bin").unlink()
     assert "images.bin does not exist" in refusal(lambda: read_cameras(tmp_path))

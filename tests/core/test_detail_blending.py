@@ -10,7 +10,7 @@ from surface_shapes import camera_looking, sphere_mesh, sphere_view
 from synthetic import degrees_between, write_file
 
 from mpsnet_core.bake.bake import View, bake_normals
-from mpsnet_core.bake.detail_blending import blend_detail, read_base_map, reoriented
+from mpsnet_core.bake.base_maps import blend_detail, read_base_map, reoriented
 from mpsnet_core.cli import main
 from mpsnet_core.scene.camera import write_camera
 from mpsnet_core.scene.mesh import Mesh

@@ -17,8 +17,7 @@ from mpsnet_core.relief.displacement.displacement import Displacement, displacem
 from mpsnet_core.relief.displacement.height_constraints import object_normals
 from mpsnet_core.relief.displacement.uv_layout import layout_of
 from mpsnet_core.relief.height_files import read_height, write_height
-from mpsnet_core.scene.joined_mesh import join_meshes
-from mpsnet_core.scene.mesh import Mesh
+from mpsnet_core.scene.mesh import Mesh, join_meshes
 from mpsnet_core.scene.normal_encoding import encode
 
 SIZE = 128
@@ -251,10 +250,7 @@ def test_a_texture_of_another_space_is_refused() -> None:
     ("gradient", "told"),
     [
         (0.02, ""),
-        (
-            0.8,
-            "the normals contradict one another on 9",
-        ),  # a bowl on each of the six sides, of which none fits the next
+        (0.8, "its normals contradict each other on 9"),  # a bowl on each of the six sides, of which none fits the next
     ],
 )
 def test_a_texture_that_does_not_fit_is_reported(
@@ -266,7 +262,7 @@ def test_a_texture_that_does_not_fit_is_reported(
     write_image("t.png", encode(unit(np.stack([-gradient * column, gradient * row, np.full((64, 64), 0.2)], axis=-1))))
     assert main(["integrate", "t.png", "--uvs", "mesh.npz", "--height", "h.exr"]) == 0
     said = capsys.readouterr().err
-    assert told in said if told else "check that" not in said
+    assert told in said if told else "was the texture" not in said
 
 
 def test_heights_larger_than_the_mesh_are_reported(

@@ -15,7 +15,7 @@ from mpsnet_core.cli import main
 from mpsnet_core.errors import InputError
 from mpsnet_core.io.image_reading import read_channel
 from mpsnet_core.io.image_writing import write_image
-from mpsnet_core.relief.displacement.udim import Tiles
+from mpsnet_core.relief.displacement.uv_layout import Tiles
 from mpsnet_core.relief.height_files import read_height
 from mpsnet_core.scene.mesh import Mesh
 from mpsnet_core.scene.normal_encoding import encode
@@ -84,7 +84,7 @@ def test_in_16_bits_all_tiles_have_one_scale(one: np.ndarray, capsys: pytest.Cap
     ("texture", "height", "words"),
     [
         ("b_<UDIM>.exr", "h.exr", "b_<UDIM>.exr means a file for each UDIM tile, and h.exr one for all"),
-        ("b_1001.exr", "h_<UDIM>.exr", "put <UDIM> into both names"),
+        ("b_1001.exr", "h_<UDIM>.exr", "put <UDIM> into both"),
         ("c_<UDIM>.exr", "h_<UDIM>.exr", "c_1001.exr does not exist"),
         ("b_<UDIM>.exr", "b_<UDIM>.exr", "would overwrite b_1001.exr"),
         ("b_<UDIM>.exr", "no/h_<UDIM>.exr", "the folder no does not exist"),

@@ -58,9 +58,10 @@ def is_record(found: ast.AST) -> bool:
 
 
 def options(tree: ast.Module) -> set[str]:
-    """The functions by which the module makes options: `option`, and its own that return one."""
+    """The functions by which a module makes options: those of every module, and its own that return one."""
     own = [found for found in tree.body if isinstance(found, ast.FunctionDef)]
-    return {"option", *(found.name for found in own if ast.unparse(found.body[-1]).startswith("return option("))}
+    made = {"option", "optional", "output_option"}
+    return {*made, *(found.name for found in own if ast.unparse(found.body[-1]).startswith("return option("))}
 
 
 def is_described(field: ast.AnnAssign, following: ast.stmt | None, makers: set[str]) -> bool:

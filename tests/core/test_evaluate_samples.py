@@ -13,7 +13,7 @@ from conftest import Mpsnet
 from sphere_sample import RED, sphere_sample
 from synthetic import degrees_between
 
-from mpsnet_core.arrays.rank_correlation import rank_correlation
+from mpsnet_core.arrays.statistics import rank_correlation
 from mpsnet_core.arrays.unit_vectors import angular_error
 from mpsnet_core.estimate.estimator import estimate_normals, lambertian_normals
 from mpsnet_core.learning.evaluation.measure import measure

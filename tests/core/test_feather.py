@@ -7,7 +7,7 @@ from surface_shapes import camera_looking
 from synthetic import degrees_between
 
 from mpsnet_core.bake.bake import View, bake_normals
-from mpsnet_core.bake.feather import border_distance
+from mpsnet_core.bake.projection import border_distance
 from mpsnet_core.scene.normal_map import NormalMap
 
 

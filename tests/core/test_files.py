@@ -30,9 +30,7 @@ from mpsnet_core.io.files import (
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="Windows flushes no folders")
-def test_a_file_is_on_the_disk_before_it_counts_and_then_its_name_is(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_file_is_on_the_disk_before_its_name_is(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """What is flushed, by its inode, and what the folder held when it was."""
     flushed, flush = [], os.fsync
 
@@ -70,9 +68,7 @@ def test_files_of_a_block_appear_at_its_end_and_what_is_removed_goes_then(tmp_pa
 
 
 @pytest.mark.parametrize("stopped_by", [InputError, KeyboardInterrupt])
-def test_what_stops_the_writing_leaves_the_old_file_and_no_litter(
-    tmp_path: Path, stopped_by: type[BaseException]
-) -> None:
+def test_what_stops_the_writing_leaves_the_old_file_alone(tmp_path: Path, stopped_by: type[BaseException]) -> None:
     target = tmp_path / "a.txt"
     target.write_text("old")
     with pytest.raises(stopped_by), atomic_write(target) as unfinished:
@@ -164,9 +160,7 @@ def test_the_next_run_removes_what_one_that_was_killed_left_but_not_what_one_is_
     assert listing(tmp_path) == sorted(["out.png", alive.name])
 
 
-def test_what_another_host_writes_into_a_shared_folder_is_left_alone(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_what_another_host_writes_is_left_alone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """No process of this host has the number, which says nothing of that one."""
     pid, left = killed_while_writing(tmp_path / "out.png")
     monkeypatch.setattr("mpsnet_core.io.files._place", lambda: "0badc0de")

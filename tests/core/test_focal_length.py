@@ -53,7 +53,7 @@ def test_the_focal_length_along_the_longer_side(
         ({"FocalLengthIn35mmFilm": 50, "PixelXDimension": 4000, "PixelYDimension": 6000, "FocalLength": 33}, ""),
         (
             {"FocalLengthIn35mmFilm": 50, "PixelXDimension": 4000, "PixelYDimension": 4000},
-            "a.jpg was cropped from 4000 x 4000 pixels, so its lens of 50 mm (EXIF) is not used",
+            "a.jpg was cropped from 4000 x 4000 pixels, so its lens (50 mm) is not used",
         ),
     ],
 )

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from mpsnet_core.arrays.gaussian import gaussian
+from mpsnet_core.arrays.resampling import gaussian
 
 
 @pytest.mark.parametrize(("shape", "sigma"), [((150, 70, 2), 2.3), ((40, 3, 1), 6.0)])

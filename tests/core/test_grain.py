@@ -7,7 +7,7 @@ import pytest
 from near_scene import NEAR, WIDE, Scene, ball
 from synthetic import degrees_between
 
-from mpsnet_core.arrays.gaussian import gaussian
+from mpsnet_core.arrays.resampling import gaussian
 from mpsnet_core.capture.capture import Capture
 from mpsnet_core.estimate.albedo_removal.grain import divide_out_grain
 from mpsnet_core.estimate.estimator import estimate_normals

@@ -109,7 +109,7 @@ def test_what_cannot_be_written(tmp_path: Path, name: str, bits: int | None, wor
 
 @pytest.mark.parametrize("ends", [(5.0, -5.0), (float("nan"), 4.0)])
 def test_ends_that_are_no_range_are_refused(tmp_path: Path, ends: tuple[float, float]) -> None:
-    with pytest.raises(InputError, match="give a lower and a higher one"):
+    with pytest.raises(InputError, match="give the lower one first"):
         write_height(tmp_path / "h.png", BALL.heights, ends=ends)
 
 

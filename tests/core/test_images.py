@@ -16,8 +16,7 @@ from synthetic import listing, named, write_file, write_parts
 
 from mpsnet_core.errors import InputError, SettingsError
 from mpsnet_core.io.image import linear_to_srgb
-from mpsnet_core.io.image_layers import image_layers
-from mpsnet_core.io.image_reading import read_data, read_image, read_mask, read_size
+from mpsnet_core.io.image_reading import image_layers, read_data, read_image, read_mask, read_size
 from mpsnet_core.io.image_writing import write_image
 
 # IEC 61966-2-1 by hand: stored value, linear value.
@@ -265,7 +264,7 @@ class TestLayers:
         np.testing.assert_array_equal(image.alpha, np.ones((4, 6)))
 
     @pytest.mark.parametrize("name", ["Normal", "ViewLayer.Normal"])
-    def test_another_layer_is_read_by_its_full_or_last_name(
+    def test_a_layer_is_read_by_its_full_or_last_name(
         self, file: Path, passes: dict[str, np.ndarray], name: str
     ) -> None:
         values, alpha = read_data(file, name)
@@ -379,9 +378,7 @@ SIDES = {"top": np.s_[0], "bottom": np.s_[-1], "left": np.s_[:, 0], "right": np.
         (8, "left", "bottom"),
     ],
 )
-def test_a_photo_stands_as_a_viewer_shows_it(
-    tmp_path: Path, orientation: int, first_row: str, first_column: str
-) -> None:
+def test_a_photo_stands_as_viewers_show_it(tmp_path: Path, orientation: int, first_row: str, first_column: str) -> None:
     """Where the stored first row and column are to be seen, in the words of the EXIF standard."""
     values = np.zeros((4, 6, 3))
     values[0, :, 0], values[:, 0, 1] = 1, 1
@@ -402,7 +399,7 @@ def test_pixels_that_are_not_square_are_warned_of(
 
 def test_a_layer_of_too_many_channels_is_not_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """All channels between the first and the last of a layer's colours are read at once."""
-    monkeypatch.setattr("mpsnet_core.io.image_layers.MAX_LAYER_VALUES", 1000)
+    monkeypatch.setattr("mpsnet_core.io.image_reading.MAX_LAYER_VALUES", 1000)
     photo = write_file(tmp_path / "c.exr", np.zeros((16, 16, 4)), "half")
     with pytest.raises(InputError, match="has 4 channels in a layer of 16 x 16"):
         read_image(photo)
@@ -469,7 +466,7 @@ def huge_exr(b: Bench) -> Path:
 def within(limit: str, value: int, work: Callable[[], Any]) -> None:
     """Do the work under a smaller limit, as reaching the real one would take gigabytes."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(f"mpsnet_core.io.image_layers.{limit}", value)
+        patch.setattr(f"mpsnet_core.io.image_reading.{limit}", value)
         work()
 
 

@@ -8,9 +8,7 @@ from height_shapes import Surface, off, plane, saddle, spheres, square_camera
 
 from mpsnet_core.arrays.mask_regions import labelled
 from mpsnet_core.errors import InputError
-from mpsnet_core.relief.integration.fast import LOOSE
-from mpsnet_core.relief.integration.gradients import MIN_FACING
-from mpsnet_core.relief.integration.integrate import METHODS, Method, integrate
+from mpsnet_core.relief.integration.integrate import LOOSE, METHODS, MIN_FACING, Method, integrate
 from mpsnet_core.scene.camera import Camera
 from mpsnet_core.scene.normal_map import NormalMap
 

@@ -119,7 +119,7 @@ BAD: list[tuple[str, str]] = [
     ("n.png --height oak.png", "would overwrite oak.png.mask.png, which this program did not make"),
     ("n.png --height h.png --occlusion h.png.mask.png", "the result would overwrite h.png.mask.png"),
     ("thin.png --height h.png --mesh m.ply", "thin.png: the surface is nowhere two pixels wide and high"),
-    ("n_<UDIM>.png --height h.png", "n_<UDIM>.png stands for several textures; name one of them, with a"),
+    ("n_<UDIM>.png --height h.png", "n_<UDIM>.png stands for several textures; name one, with a"),
     ("n.png --mesh m.ply --open 91", "between 0 and 90 degrees on, not 91"),
     ("n.png --relit r.exr", "a relit picture is for the screen; use .png or .tif"),
     ("n.png --relit r.png --light nan,nan", "--light nan,nan is not known"),

@@ -127,5 +127,5 @@ def test_what_does_not_fit_together_stays_where_it_is(monkeypatch: pytest.Monkey
     surface = two_spheres(square_camera(192))
     away = surface.mask & ~beside_steps(surface, 4 / 96, 12)
     error = errors(surface, "fast")[away].mean()
-    monkeypatch.setattr("mpsnet_core.relief.integration.fast.LOOSE", np.float32(1e9))
+    monkeypatch.setattr("mpsnet_core.relief.integration.integrate.LOOSE", np.float32(1e9))
     assert error < errors(surface, "fast")[away].mean() / 2

@@ -7,10 +7,10 @@ import OpenImageIO as oiio
 import pytest
 from photogrammetry_scene import TURN, Array, refusal
 
+from mpsnet_core.io.frames import PhotoFolder
 from mpsnet_core.io.image_reading import read_image, read_orientation
-from mpsnet_core.io.photo_folder import PhotoFolder
 from mpsnet_core.scene.camera import Camera
-from mpsnet_core.scene.photogrammetry import (
+from mpsnet_core.scene.photogrammetry.posed_photo import (
     Lens,
     PosedPhoto,
     as_displayed,

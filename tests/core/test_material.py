@@ -24,9 +24,13 @@ from mpsnet_core.arrays.unit_vectors import normalised
 from mpsnet_core.cli import main
 from mpsnet_core.errors import InputError
 from mpsnet_core.io.image_reading import read_channel
-from mpsnet_core.relief.material.albedo import estimated_albedo
-from mpsnet_core.relief.material.flatten import flatten_albedo, flatten_normals
-from mpsnet_core.relief.material.gradients import normals_of, periodic_height
+from mpsnet_core.relief.material.flatten import (
+    estimated_albedo,
+    flatten_albedo,
+    flatten_normals,
+    normals_of,
+    periodic_height,
+)
 from mpsnet_core.relief.material.material import crop_to_filled_part, flat_material
 from mpsnet_core.relief.material.material_files import normals_by_photo
 from mpsnet_core.relief.operations import MakeMaterial
@@ -303,7 +307,7 @@ BAD = {
     "two scales": (["--width", "1m", "--pixel-size", "1mm"], "several options state the material's size"),
     "no unit": (["--width", "120"], "'120' is not a length; give a number and its unit"),
     "ruler of three": (["--ruler", "1,2,3=5mm"], "--ruler 1,2,3=5mm is not x1,y1,x2,y2=50mm"),
-    "ruler beyond the photo": (["--ruler", "1,1,5000,1=5mm"], "its places are not within the photo, which is 330"),
+    "ruler beyond the photo": (["--ruler", "1,1,5000,1=5mm"], "its places are outside the photo, which is 330"),
     "crop of halves": (["--width", "1m", "--crop", "1.5,0,99,99"], "--crop 1.5,0,99,99 is not of whole pixels"),
     "crop outside": (["--width", "1m", "--crop", "300,0,100,100"], "weave.exr: the crop of 100 x 100 pixels"),
     "crop too small": (["--width", "1m", "--crop", "0,0,63,200"], "63 x 200 pixels are too few for a material"),
@@ -331,13 +335,11 @@ def test_a_photo_that_is_not_filled_or_too_small_is_refused(tmp_path, capfd):
     seen[:130] = 0
     write_image(tmp_path / "weave.exr", np.concatenate([image, seen], axis=-1))
     assert run(tmp_path, "--width", "66mm", "-o", tmp_path / "out") == 2
-    assert (
-        "weave.exr: a flat material fills the photo, but 50.0% of it is transparent; crop it" in capfd.readouterr().err
-    )
+    assert "weave.exr: a flat material fills the photo, but 50.0% of it is transparent" in capfd.readouterr().err
     assert run(tmp_path, "--width", "66mm", "--crop", "0,130,330,130", "-o", tmp_path / "out") == 0
     write_image(tmp_path / "weave.exr", image[:50])
     assert run(tmp_path, "--width", "66mm", "-o", tmp_path / "small") == 2
-    assert "330 x 50 pixels are too few for a material; take 64 or more each way" in capfd.readouterr().err
+    assert "330 x 50 pixels are too few for a material; take 64 or more" in capfd.readouterr().err
 
 
 def test_a_material_of_another_photos_normals_is_refused():

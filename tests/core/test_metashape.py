@@ -98,7 +98,7 @@ SCALED = "1.1 0 0 0 0 1.1 0 0 0 0 1.1 0 0 0 0 1"
         ({"sensor": SENSOR.replace('width="640"', f'width="{"9" * 400}"')}, "its sensor's width must be"),
         ({"calibration": without(CALIBRATION, "f")}, "lacks the focal length f;"),
         ({"calibration": CALIBRATION | {"f": "nan"}}, "its sensor's f must be a finite number"),
-        ({"calibration": CALIBRATION | {"f": 1e-320, "b1": 0}}, "focal must be above 0"),
+        ({"calibration": CALIBRATION | {"f": 1e-320, "b1": 0}}, "focal in x and in y must be"),
         ({"calibration": CALIBRATION | {"p3": 0.1}}, "distortion p3"),
         ({"transform": "nan" + MIRRORED[2:]}, "its transform must be 16 finite numbers"),
         ({"transform": MIRRORED}, "a mirroring"),

@@ -3,7 +3,7 @@
 import pytest
 
 from mpsnet_core.errors import InputError
-from mpsnet_core.relief.material.scale import millimetres
+from mpsnet_core.relief.material.material_files import millimetres
 
 
 @pytest.mark.parametrize(

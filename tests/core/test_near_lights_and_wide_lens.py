@@ -20,9 +20,8 @@ from mpsnet_core.estimate.estimator import estimate_normals
 from mpsnet_core.io.image import Image
 from mpsnet_core.scene.camera import Camera, write_camera
 from mpsnet_core.scene.mesh import Mesh, shared_normals
-from mpsnet_core.scene.mesh_depth import depth_of_mesh
 from mpsnet_core.scene.normal_map import read_normals
-from mpsnet_core.scene.rays import RayScene
+from mpsnet_core.scene.rays import RayScene, depth_of_mesh
 from mpsnet_core.scene.rig import LightRig, near_rig, published_rig, read_rig, write_rig
 
 pytestmark = pytest.mark.accuracy

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from synthetic import degrees_between
 
-from mpsnet_core.bake.padding import padded
+from mpsnet_core.bake.settings import padded
 
 LEFT, RIGHT = np.float32([0.6, 0, 0.8]), np.float32([0, -0.6, 0.8])
 

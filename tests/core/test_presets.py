@@ -74,7 +74,7 @@ def test_what_is_given_wins_over_the_preset(tilted: list[str], tmp_path: Path) -
 
 
 @pytest.mark.parametrize("padding", [[], ["--padding", "push-pull"]])
-def test_no_texture_is_too_small_for_a_margin_that_nobody_gave(
+def test_no_texture_is_too_small_for_a_margin_unasked_for(
     padding: list[str], tilted: list[str], tmp_path: Path
 ) -> None:
     assert main([*tilted, "--size", "8", *padding, "-o", str(tmp_path / "small.png")]) == 0

@@ -72,10 +72,8 @@ def test_objects_materials_and_tiles_together() -> None:
 def test_triangles_without_a_material_are_reported_apart() -> None:
     mesh = squares((0, 0), (0, 0), materials="skin skin")
     bare = squares((0, 0))
-    assert [texture_set.material for texture_set in texture_sets([mesh, bare], materials=True)] == [
-        "skin",
-        "no_material",
-    ]
+    found = [texture_set.material for texture_set in texture_sets([mesh, bare], materials=True)]
+    assert found == ["skin", "no_material"]
 
 
 def names(pattern: str, **found: list) -> list[str]:
@@ -124,7 +122,7 @@ def test_names_without_anything_between_may_meet() -> None:
     ("changes", "said"),
     [
         ({"materials": np.array(["a", "a"])}, "two labels have the same name"),
-        ({"triangle_material": np.array([0, 0, 0, 5])}, "numbered up to 5, but have 2 names"),
+        ({"triangle_material": np.array([0, 0, 0, 5])}, "numbered up to 5, of 2 names"),
         ({"triangle_material": None}, 'only one of "materials" and "triangle_material"'),
     ],
 )

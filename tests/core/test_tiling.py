@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 from flat_weave import Weave
 
-from mpsnet_core.relief.material.seam import FEATHER, minimum_cut
-from mpsnet_core.relief.material.tiling import find_tiling
+from mpsnet_core.relief.material.tiling import FEATHER, find_tiling, minimum_cut
 
 
 def features(weave, noise=0.3, seed=0):

@@ -25,17 +25,25 @@ from mpsnet_core.capture.open import read_capture
 from mpsnet_core.cli import main
 from mpsnet_core.errors import FileError, InputError
 from mpsnet_core.estimate.estimator import estimate_normals
+from mpsnet_core.io.frames import PhotoFolder
 from mpsnet_core.io.image_reading import read_image
-from mpsnet_core.io.photo_folder import PhotoFolder
 from mpsnet_core.scene.camera import read_camera, write_camera
 from mpsnet_core.scene.normal_encoding import read_vectors
 from mpsnet_core.scene.normal_map import read_normals
 from mpsnet_core.scene.operations import WriteCameras
-from mpsnet_core.scene.photogrammetry import Lens, PosedPhoto, find_photo
-from mpsnet_core.scene.rig import LightRig, near_rig, published_rig, write_rig
+from mpsnet_core.scene.photogrammetry.posed_photo import Lens, PosedPhoto, find_photo
+from mpsnet_core.scene.rig import (
+    LightRig,
+    WorldLights,
+    in_world,
+    near_rig,
+    published_rig,
+    read_world_lights,
+    write_rig,
+    write_world_lights,
+)
 from mpsnet_core.scene.view_files import write_views
 from mpsnet_core.scene.view_photos import ViewPhoto, posed_photos
-from mpsnet_core.scene.world_lights import WorldLights, in_world, read_world_lights, write_world_lights
 
 
 def test_eight_wrong_views_become_one_texture_without_seams() -> None:
@@ -80,14 +88,12 @@ class Asked(Sequence[View]):
 
 
 @pytest.mark.parametrize("held", [300_000, 1_000_000])  # not one view, and not three with their depth images
-def test_views_that_memory_does_not_hold_at_once_give_the_same_texture(
-    monkeypatch: pytest.MonkeyPatch, held: int
-) -> None:
+def test_views_that_memory_does_not_hold_give_the_same_texture(monkeypatch: pytest.MonkeyPatch, held: int) -> None:
     mesh = sphere_mesh(layout="overlapping")
     views = [sphere_view(camera_looking(corner, size=100)) for corner in CORNERS[:5]]
     at_once, in_parts = Asked(views), Asked(views)
     one = bake_normals(mesh, at_once, size=96)
-    monkeypatch.setattr("mpsnet_core.bake.view_accumulator.HELD_BYTES", held)
+    monkeypatch.setattr("mpsnet_core.bake.projection.HELD_BYTES", held)
     other = bake_normals(mesh, in_parts, size=96)
     assert np.array_equal(one.vectors, other.vectors) and np.array_equal(one.views, other.views)
     assert np.array_equal(one.spread, other.spread)
@@ -462,9 +468,7 @@ PLACES = [{"position": place} for place in (5 * published_rig().directions).toli
 def test_an_lp_file_holds_no_lights_in_the_world(tmp_path: Path) -> None:
     lines = [f"photo{number}.jpg 0.1 0.2 0.9{number}" for number in range(3)]
     (tmp_path / "lights.LP").write_text("\n".join(["3", *lines]))
-    with pytest.raises(
-        InputError, match=r"lights.LP: the lights of an .lp file are relative to the camera; .* rig .json"
-    ):
+    with pytest.raises(InputError, match=r"lights.LP: an .lp file's lights are relative to the camera; .* .json"):
         read_world_lights(tmp_path / "lights.LP")
 
 
@@ -584,7 +588,7 @@ def test_a_raw_file_is_meant_where_there_is_a_jpeg_beside_it(tmp_path: Path) -> 
 
 def test_what_cannot_be_baked_is_reported_before_anything_is_estimated(table: Table) -> None:
     for arguments, said in (
-        (("--size", "0"), "a texture of 0 texels cannot be baked"),
+        (("--size", "0"), "a texture has no side of 0 texels"),
         (("--json", table / "cameras" / "side1.camera.json"), "would overwrite .*side1.camera.json"),
     ):
         with pytest.raises(InputError, match=said):

@@ -6,8 +6,7 @@ from surface_shapes import camera_looking, sphere_mesh, towards_camera
 
 from mpsnet_core.scene.camera import Camera
 from mpsnet_core.scene.mesh import Mesh
-from mpsnet_core.scene.rays import RayScene
-from mpsnet_core.scene.visibility import Visibility
+from mpsnet_core.scene.rays import RayScene, Visibility
 
 pytestmark = pytest.mark.accuracy
 

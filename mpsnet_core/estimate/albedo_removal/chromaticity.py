@@ -11,8 +11,7 @@ Only pixels where the network's normal agrees with equation 2's count: there the
 import numpy as np
 from numpy.typing import NDArray
 
-from mpsnet_core.arrays.gaussian import gaussian
-from mpsnet_core.arrays.sampling import sampled_rows
+from mpsnet_core.arrays.resampling import gaussian, sampled_rows
 from mpsnet_core.arrays.unit_vectors import normalised
 from mpsnet_core.capture.capture import Capture
 from mpsnet_core.estimate.albedo_removal.albedos import (

@@ -15,8 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from mpsnet_core.arrays.gaussian import gaussian
-from mpsnet_core.arrays.sampling import sampled_rows
+from mpsnet_core.arrays.resampling import gaussian, sampled_rows
 from mpsnet_core.capture.capture import Capture
 from mpsnet_core.estimate.albedo_removal.albedos import (
     MIN_PIXELS,

@@ -17,11 +17,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from mpsnet_core.arrays.block_means import means_inside
 from mpsnet_core.arrays.gradient_derivatives import gradient_derivatives
-from mpsnet_core.arrays.robust_statistics import TUKEY, biweight, deviation
+from mpsnet_core.arrays.resampling import means_inside, sampled_rows
 from mpsnet_core.arrays.row_bands import bands
-from mpsnet_core.arrays.sampling import sampled_rows
+from mpsnet_core.arrays.statistics import TUKEY, biweight, deviation
 from mpsnet_core.arrays.unit_vectors import normalised
 from mpsnet_core.capture.capture import Capture
 from mpsnet_core.estimate.albedo_removal.albedos import ROWS, SAMPLED, Floats, divide_out_albedo

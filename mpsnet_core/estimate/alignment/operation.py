@@ -401,7 +401,7 @@ class _ObjectCrop:
     def capture(self, capture: "Capture") -> "Capture":
         import numpy as np
 
-        from mpsnet_core.arrays.block_means import block_means
+        from mpsnet_core.arrays.resampling import block_means
 
         factor, here = self.factor, (self.rows, self.columns)
         image, mask, clipped, depth = capture.image[here], capture.mask[here], capture.clipped, capture.depth

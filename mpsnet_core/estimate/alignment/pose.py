@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from mpsnet_core.arrays.rotations import cross_matrix, quaternion_matrix, rotation_matrices
+from mpsnet_core.arrays.unit_vectors import cross_matrix, quaternion_matrix, rotation_matrices
 from mpsnet_core.scene.camera import Camera
 
 Floats = NDArray[np.float64]

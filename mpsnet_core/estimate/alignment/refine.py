@@ -6,11 +6,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mpsnet_core.arrays.block_means import block_means
-from mpsnet_core.arrays.gaussian import gaussian
 from mpsnet_core.arrays.mask_regions import bounding_box, eroded
-from mpsnet_core.arrays.robust_statistics import deviation
-from mpsnet_core.arrays.rotations import cross_matrix
+from mpsnet_core.arrays.resampling import block_means, gaussian
+from mpsnet_core.arrays.statistics import deviation
+from mpsnet_core.arrays.unit_vectors import cross_matrix
 from mpsnet_core.estimate.alignment.mesh_faces import MeshFaces, SeenFaces
 from mpsnet_core.estimate.alignment.pose import PARAMETERS, Floats, Poses, flow
 from mpsnet_core.progress import Progress, silent

@@ -5,9 +5,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mpsnet_core.arrays.bilinear import bilinear
-from mpsnet_core.arrays.block_means import block_means
 from mpsnet_core.arrays.mask_regions import bounding_box
+from mpsnet_core.arrays.resampling import bilinear, block_means
 
 SIDE = 64  # pixels a side of a crop
 ROOM = 1.06  # from a crop's centre to its border, in radii of the object

@@ -18,9 +18,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from mpsnet_core.arrays.block_means import block_means
 from mpsnet_core.arrays.mask_regions import bounding_box
 from mpsnet_core.arrays.orientation import WHOLE, outline_of
+from mpsnet_core.arrays.resampling import block_means
 from mpsnet_core.arrays.unit_vectors import dot, normalised
 from mpsnet_core.estimate.lights.network import LightsGuess
 

@@ -21,11 +21,10 @@ from mpsnet_core.defaults import ENCODINGS
 from mpsnet_core.errors import FileError, FormatError, InputError, check_choice
 from mpsnet_core.estimate.sequence.source import Frame, Masks
 from mpsnet_core.estimate.sequence.video_decoder import VideoDecoder
-from mpsnet_core.io.colour_profile import UNKNOWN_TRANSFER, transfer_is_linear
 from mpsnet_core.io.files import VIDEO_DECODER, checked_bits, existing_file, file_suffix
 from mpsnet_core.io.frames import RESULT, results_folder
 from mpsnet_core.io.image import MAX_PIXELS, Image, srgb_to_linear
-from mpsnet_core.io.image_encoding import Encoding
+from mpsnet_core.io.image_encoding import UNKNOWN_TRANSFER, Encoding, transfer_is_linear
 from mpsnet_core.io.provenance import fingerprint
 
 if TYPE_CHECKING:

@@ -5,10 +5,9 @@ Noise can hide that a surface has one albedo. The mean of four pixels has half t
 
 import numpy as np
 
-from mpsnet_core.arrays.block_means import means_inside
+from mpsnet_core.arrays.resampling import means_inside, upsampled
 from mpsnet_core.arrays.row_bands import bands
 from mpsnet_core.arrays.unit_vectors import normalised
-from mpsnet_core.arrays.upsample import upsampled
 from mpsnet_core.capture.capture import Capture
 from mpsnet_core.estimate.uniform_albedo.fit import Floats
 from mpsnet_core.scene.normal_map import NormalMap

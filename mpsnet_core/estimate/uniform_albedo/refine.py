@@ -22,8 +22,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mpsnet_core.arrays.mask_regions import bounding_box, box_sums
+from mpsnet_core.arrays.resampling import sampled_rows
 from mpsnet_core.arrays.row_bands import bands, on_all_cores
-from mpsnet_core.arrays.sampling import sampled_rows
 from mpsnet_core.arrays.unit_vectors import dot, normalised
 from mpsnet_core.capture.capture import Capture
 from mpsnet_core.estimate.distant_lights import lights_in, pseudo_normals

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mpsnet_core.arrays.rank_correlation import rank_correlation
+from mpsnet_core.arrays.statistics import rank_correlation
 
 GROUPS = 10
 # Pixels sampled from each photo.

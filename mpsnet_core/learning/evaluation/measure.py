@@ -7,7 +7,7 @@ from typing import Any, SupportsFloat
 import numpy as np
 from numpy.typing import NDArray
 
-from mpsnet_core.arrays.rank_correlation import rank_correlation
+from mpsnet_core.arrays.statistics import rank_correlation
 from mpsnet_core.arrays.unit_vectors import angular_error
 from mpsnet_core.capture.capture import Capture
 from mpsnet_core.errors import GeometryError

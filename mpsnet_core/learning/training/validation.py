@@ -6,7 +6,7 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from mpsnet_core.arrays.rank_correlation import rank_correlation
+from mpsnet_core.arrays.statistics import rank_correlation
 from mpsnet_core.learning.training.inputs import Batch, concatenate_scales, inputs_with_previous_scale, sample_patches
 from mpsnet_core.learning.training.loss import angle_between
 from mpsnet_core.learning.training.networks import Network, Prediction

@@ -8,15 +8,14 @@ weight, which flattens the heights there.
 """
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from mpsnet_core.arrays.connected_components import connected
 from mpsnet_core.arrays.graph_poisson import Graph, Solver, graph_of
-from mpsnet_core.arrays.push_pull import push_pull
+from mpsnet_core.arrays.mask_regions import connected
 from mpsnet_core.arrays.rasterize import extend_to_nearest, texel_areas
+from mpsnet_core.arrays.resampling import push_pull
+from mpsnet_core.arrays.types import F32, F64, I32, Bools, Floats
 from mpsnet_core.arrays.unit_vectors import dot
 from mpsnet_core.defaults import MAX_BUMPS
 from mpsnet_core.errors import GeometryError, SettingsError
@@ -24,8 +23,7 @@ from mpsnet_core.io.from_files import takes_files
 from mpsnet_core.progress import Progress, part, silent
 from mpsnet_core.relief.displacement.height_constraints import HeightDifferences, seen_share, slope_constraints
 from mpsnet_core.relief.displacement.uv_layout import Layout, Seams, layout_of
-from mpsnet_core.relief.height_map import HeightMap
-from mpsnet_core.relief.sizes import MAX_SIZE, check_square
+from mpsnet_core.relief.height_map import MAX_SIZE, HeightMap, check_square
 from mpsnet_core.scene.camera import Camera
 from mpsnet_core.scene.mesh import Mesh
 from mpsnet_core.scene.texture import Space, check_texture
@@ -51,9 +49,9 @@ COMMON = 0.5
 class Displacement:
     """Heights of a surface over a mesh, along the mesh's smooth normals, on its UVs."""
 
-    values: NDArray[np.float32]
+    values: F32
     """(S, S) float32. Heights in world units, row 0 at v = 1, extrapolated smoothly beyond the islands."""
-    covered: NDArray[np.bool_]
+    covered: Bools
     """(S, S) bool. Texels with surface under them."""
     texel: float
     """Mean length of a texel in world units."""
@@ -71,7 +69,7 @@ class Displacement:
 
 @takes_files
 def displacement(
-    vectors: NDArray[np.float32],
+    vectors: F32,
     mesh: Mesh,
     *,
     space: Space = "tangent",
@@ -132,21 +130,11 @@ def displacement(
     return _measured(values, covered, areas, trust, apart)
 
 
-def _measured(
-    values: NDArray[np.float32],
-    covered: NDArray[np.bool_],
-    areas: NDArray[np.floating[Any]],
-    trust: NDArray[np.floating[Any]],
-    apart: NDArray[np.floating[Any]],
-) -> Displacement:
+def _measured(values: F32, covered: Bools, areas: Floats, trust: Floats, apart: Floats) -> Displacement:
     """The heights with their statistics. areas, trust: of the covered texels. apart: differences of height at seams."""
-    return Displacement(
-        values,
-        covered,
-        texel=float(np.sqrt(areas.mean())),
-        seam_step=float(np.sqrt(np.mean(apart**2))) if len(apart) else 0.0,
-        contradicted=float(areas[trust < 0.5].sum() / areas.sum()),
-    )
+    seam_step = float(np.sqrt(np.mean(apart**2))) if len(apart) else 0.0
+    contradicted = float(areas[trust < 0.5].sum() / areas.sum())
+    return Displacement(values, covered, float(np.sqrt(areas.mean())), seam_step, contradicted)
 
 
 def _layouts(mesh: Mesh, base: Mesh | None, size: int) -> tuple[Layout, Layout]:
@@ -160,13 +148,13 @@ def _layouts(mesh: Mesh, base: Mesh | None, size: int) -> tuple[Layout, Layout]:
     return own, laid
 
 
-def _fade(own: Layout, areas: NDArray[np.float64]) -> float:
+def _fade(own: Layout, areas: F64) -> float:
     """Length, in world units, over which relief decays where no view saw it. areas: (N,) of the texels."""
     edge = np.sqrt(2 * (own.areas() * texel_areas(own.corners)).mean())
     return float(max(FADE * edge, TEXELS * np.sqrt(areas.mean())))
 
 
-def _hold(own: Layout, areas: NDArray[np.float64], seen: NDArray[np.float32], scale: float) -> NDArray[np.float32]:
+def _hold(own: Layout, areas: F64, seen: F32, scale: float) -> F32:
     """(N,) weights that pull the heights to the mesh: 0 for a scale of 0, largest where no view saw the surface.
 
     areas: (N,) of the texels, in world units. seen: (N,) from 0 to 1. scale: see :func:`displacement`.
@@ -179,8 +167,8 @@ def _hold(own: Layout, areas: NDArray[np.float64], seen: NDArray[np.float32], sc
 
 
 def _solved(
-    graph: Graph, seams: Seams, wanted: HeightDifferences, areas: NDArray[np.float64], progress: Progress
-) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.float32]]:
+    graph: Graph, seams: Seams, wanted: HeightDifferences, areas: F64, progress: Progress
+) -> tuple[F32, F32, F32]:
     """(N,) heights, (N,) trust in the normals there, and (M,) the steps of height at the ties across seams."""
     solver = Solver(graph)
     heights = np.zeros(len(areas), np.float32)
@@ -198,7 +186,7 @@ def _solved(
     return heights, trust, heights[graph.ties[:, 1]] - heights[graph.ties[:, 0]] - known
 
 
-def _checked_size(vectors: NDArray[np.float32], space: str, margin: int, scale: float, mean: float | None) -> int:
+def _checked_size(vectors: F32, space: str, margin: int, scale: float, mean: float | None) -> int:
     size = len(vectors)
     check_square(*vectors.shape[:2])
     check_texture(size, space, margin)
@@ -207,9 +195,7 @@ def _checked_size(vectors: NDArray[np.float32], space: str, margin: int, scale: 
     if not np.isfinite(vectors).all():
         raise GeometryError("the texture holds values that are not finite; bake it again")
     if not 0 <= scale <= MAX_BUMPS:
-        raise SettingsError(
-            f"a scale of {scale:g} times the mesh's size cannot be used; choose 0 (keep all) to {MAX_BUMPS:g}"
-        )
+        raise SettingsError(f"a scale of {scale:g} times the mesh's size: choose 0 (keep all) to {MAX_BUMPS:g}")
     if mean is not None and not np.isfinite(mean):
         raise SettingsError(f"the mean height must be a number, not {mean}")
     return size
@@ -228,13 +214,7 @@ def _check_base(own: Layout, base: Layout) -> None:
         )
 
 
-def _trust(
-    graph: Graph,
-    right: NDArray[np.float32],
-    below: NDArray[np.float32],
-    heights: NDArray[np.float32],
-    steps: NDArray[np.float32],
-) -> NDArray[np.float32]:
+def _trust(graph: Graph, right: F32, below: F32, heights: F32, steps: F32) -> F32:
     """(N,) trust from 0 to 1: how well the changes (N,) to the neighbours on the right and below fit the heights.
 
     At folds of the mesh, where the photo shows another surface, and at a view's border, the normals belong to no height
@@ -245,13 +225,7 @@ def _trust(
     return np.reciprocal(1 + np.sum(np.square(apart), axis=0) / np.float32(STRAY**2))
 
 
-def _gradient(
-    graph: Graph,
-    right: NDArray[np.float32],
-    below: NDArray[np.float32],
-    texels: NDArray[np.int32],
-    offsets: NDArray[np.floating[Any]],
-) -> NDArray[np.float32]:
+def _gradient(graph: Graph, right: F32, below: F32, texels: I32, offsets: Floats) -> F32:
     """(...,) change of height from texels (...,) over `offsets` (..., 2), right and down, from the changes (N,) to the
     neighbours around them."""
     total = np.zeros(texels.shape, np.float32)
@@ -262,7 +236,7 @@ def _gradient(
     return total
 
 
-def _means(graph: Graph, areas: NDArray[np.float64], values: NDArray[np.float32]) -> NDArray[np.float32]:
+def _means(graph: Graph, areas: F64, values: F32) -> F32:
     """(N,) the area-weighted mean over the connected part of the surface that each texel belongs to."""
     count = int(graph.islands.max()) + 1
     of_island = connected(count, *graph.islands[graph.ties].T.astype(np.int64))
@@ -271,9 +245,7 @@ def _means(graph: Graph, areas: NDArray[np.float64], values: NDArray[np.float32]
     return sums[surface].astype(np.float32)
 
 
-def _with_margin(
-    graph: Graph, heights: NDArray[np.float32], covered: NDArray[np.bool_], margin: int
-) -> NDArray[np.float32]:
+def _with_margin(graph: Graph, heights: F32, covered: Bools, margin: int) -> F32:
     """(S, S) the heights, extrapolated beyond the islands.
 
     The first texels continue with the gradient of the nearest one inside. So the interpolated height along a seam, half
@@ -294,14 +266,12 @@ def _with_margin(
     offset = np.stack(np.meshgrid(*[np.arange(len(covered), dtype=np.float32)] * 2), axis=-1) - layers[..., 3:]
     distance = np.linalg.norm(offset, axis=-1, keepdims=True)
     offset *= np.minimum(1, CARRIED / np.maximum(distance, CARRIED))
-    values: NDArray[np.float32] = layers[..., 0] + dot(layers[..., 1:3], offset)
+    values: F32 = layers[..., 0] + dot(layers[..., 1:3], offset)
     del layers, offset, distance
     return push_pull(values, reached)
 
 
-def _meeting(
-    values: NDArray[np.float32], graph: Graph, heights: NDArray[np.float32], covered: NDArray[np.bool_], seams: Seams
-) -> NDArray[np.float32]:
+def _meeting(values: F32, graph: Graph, heights: F32, covered: Bools, seams: Seams) -> F32:
     """(S, S) the heights with the margin adjusted so that both sides of a seam interpolate to nearly equal heights.
 
     If islands are less than two texels apart, or too small to cover one, interpolation mixes in another island's

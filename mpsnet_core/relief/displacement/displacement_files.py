@@ -6,9 +6,9 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mpsnet_core.arrays.rasterize import texel_coordinates, triangle_of_texel
+from mpsnet_core.arrays.types import F32
 from mpsnet_core.errors import SettingsError
 from mpsnet_core.io.files import check_no_overwrite, writable_image, write_transaction
 from mpsnet_core.io.image_reading import read_size
@@ -16,7 +16,7 @@ from mpsnet_core.operation import Result
 from mpsnet_core.progress import Progress, part
 from mpsnet_core.relief.displacement.displacement import Displacement, displacement
 from mpsnet_core.relief.displacement.height_constraints import object_normals
-from mpsnet_core.relief.displacement.udim import tiles_of
+from mpsnet_core.relief.displacement.uv_layout import tiles_of
 from mpsnet_core.relief.height_files import HeightFacts, HeightScale, height_files, write_height
 from mpsnet_core.relief.operations import Integrate
 from mpsnet_core.scene.mesh import Mesh, read_mesh
@@ -59,30 +59,21 @@ def write_displacement(options: Integrate, progress: Progress) -> HeightsOnUVs:
     chosen = texture_sets([mesh], tiles=tiled)
     if tiled:
         chosen = _with_texels(chosen, options.normals, mesh)
-    normals, outputs, turned = (
-        _files(name, chosen, tiled) for name in (options.normals, options.height, options.object_space)
-    )
+    names = options.normals, options.height, options.object_space
+    normals, outputs, turned = (_files(name, chosen, tiled) for name in names)
     taken = [*normals, Path(options.uvs), *([Path(options.base)] if options.base else [])]
     files = _checked_outputs(outputs, turned, options.height_bits, taken)
     tiles = tiles_of(chosen)
     progress(0.05, f"reading {Path(options.normals).name}")
     vectors = tiles.joined(read_normals(file, convention=options.convention).vectors for file in normals)
     laid = tiles.mesh(mesh) if tiled else mesh
-    found = displacement(
-        vectors,
-        laid,
-        space=options.space,
-        base=tiles.mesh(base_mesh) if tiled and base_mesh else base_mesh,
-        scale=options.scale,
-        mean=options.mean,
-        margin=options.margin,
-        progress=part(progress, 0.1, 0.9),
-    )
+    base = tiles.mesh(base_mesh) if tiled and base_mesh else base_mesh
+    how = {name: getattr(options, name) for name in ("space", "scale", "mean", "margin")}
+    found = displacement(vectors, laid, base=base, **how, progress=part(progress, 0.1, 0.9))
     progress(0.9, f"writing {Path(options.height).name}")
     with write_transaction():
-        means = _write_heights(
-            dict(zip(outputs, tiles.parted(found.values), strict=True)), found, options.height_bits, unit
-        )
+        parts = dict(zip(outputs, tiles.parted(found.values), strict=True))
+        means = _write_heights(parts, found, options.height_bits, unit)
         if turned:
             _write_normals(dict(zip(turned, tiles.parted(object_normals(vectors, laid, options.margin)), strict=True)))
     inside = found.values[found.covered]
@@ -111,9 +102,7 @@ def _tiled(normals: str, height: str) -> bool:
     normals_tiled, height_tiled = ("tile" in split_by(name) for name in (normals, height))
     if normals_tiled != height_tiled:
         has, lacks = (normals, height) if normals_tiled else (height, normals)
-        raise SettingsError(
-            f"{has} means a file for each UDIM tile, and {lacks} one for all; put <UDIM> into both names"
-        )
+        raise SettingsError(f"{has} means a file for each UDIM tile, and {lacks} one for all; put <UDIM> into both")
     if not normals_tiled:
         check_one_texture(normals)
         check_one_texture(height)
@@ -139,16 +128,11 @@ def _with_texels(chosen: list[TextureSet], normals: str, mesh: Mesh) -> list[Tex
         corners = texel_coordinates(mesh.uvs[texture_set.parts[0]] - np.array(texture_set.corner, float), size)
         return bool((triangle_of_texel(corners, size) >= 0).any())
 
-    return [
-        texture_set
-        for texture_set, file in zip(chosen, textures, strict=True)
-        if file.is_file() or has_texels(texture_set)
-    ]
+    both = zip(chosen, textures, strict=True)
+    return [texture_set for texture_set, file in both if file.is_file() or has_texels(texture_set)]
 
 
-def _write_heights(
-    parts: Mapping[Path, NDArray[np.float32]], found: Displacement, bits: int | None, unit: str
-) -> HeightScale:
+def _write_heights(parts: Mapping[Path, F32], found: Displacement, bits: int | None, unit: str) -> HeightScale:
     """Write each file's part of the heights, all with one scale. Returns the scale."""
     ends = float(found.values.min()), float(found.values.max())
     for file, values in parts.items():
@@ -157,7 +141,7 @@ def _write_heights(
     return means
 
 
-def _write_normals(parts: Mapping[Path, NDArray[np.float32]]) -> None:
+def _write_normals(parts: Mapping[Path, F32]) -> None:
     for file, vectors in parts.items():
         write_vectors(file, vectors)
 
@@ -183,9 +167,7 @@ def _warn_of_misfit(found: Displacement, span: float, mesh: Mesh, unit: str, bak
         misfits.append(f"the heights span {span:.3g} {unit}, and the whole mesh {across:.3g}")
     if found.contradicted > DOUBTFUL:
         misfits.append(
-            f"the normals contradict one another on {found.contradicted:.0%} of the surface, which stays flat"
+            f"its normals contradict each other on {found.contradicted:.0%} of the surface, which stays flat"
         )
     if misfits:
-        log.warning(
-            "%s; check that the texture was baked onto this mesh, %s (--space, --convention)", "; ".join(misfits), baked
-        )
+        log.warning("%s; was the texture baked onto this mesh, %s (--space, --convention)?", "; ".join(misfits), baked)

@@ -1,15 +1,14 @@
 """Constraints of baked normals on heights over a mesh's UVs: the change from each texel to the next."""
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mpsnet_core.arrays.graph_poisson import Graph
 from mpsnet_core.arrays.mask_regions import box_sums, eroded
 from mpsnet_core.arrays.rasterize import extend_to_nearest
 from mpsnet_core.arrays.row_bands import bands
+from mpsnet_core.arrays.types import F32, F64, Floats
 from mpsnet_core.arrays.unit_vectors import dot, normalised
 from mpsnet_core.errors import GeometryError
 from mpsnet_core.progress import Progress
@@ -17,7 +16,7 @@ from mpsnet_core.relief.displacement.uv_layout import Layout, layout_of
 from mpsnet_core.scene.mesh import Mesh, shared_normals
 from mpsnet_core.scene.normal_map import OUTWARDS_SHARE
 from mpsnet_core.scene.texture import Space
-from mpsnet_core.scene.uv_islands import welded
+from mpsnet_core.scene.texture_sets import welded
 
 # Gradients steeper than this (cosine of the angle between the surface and the mesh; 80°) are limited to it: a normal
 # perpendicular to the mesh's would require an infinite height. The limit is lower than that of integration over a
@@ -35,15 +34,15 @@ ROWS = 64
 class HeightDifferences:
     """For N covered texels, h_j - h_i = -(flat + curved (h_i + h_j) / 2) to the neighbours j on the right and below."""
 
-    flat: NDArray[np.float32]
+    flat: F32
     """(2, N) float32. In world units; meaningless where there is no neighbour."""
-    curved: NDArray[np.float32]
+    curved: F32
     """(2, N) float32. Per unit of height; meaningless where there is no neighbour."""
-    outwards: NDArray[np.float32]
+    outwards: F32
     """(N,) float32. Distance in world units by which the mesh of the normals lies outside the displaced one; 0 if they
     are the same."""
 
-    def changes(self, graph: Graph, heights: NDArray[np.float32]) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    def changes(self, graph: Graph, heights: F32) -> tuple[F32, F32]:
         """(N,) the changes to the neighbours on the right and below, given approximate `heights`."""
         right, below = (
             -(self.flat[axis] + self.curved[axis] * (heights + heights[graph.neighbours[axis]]) / 2) for axis in (0, 1)
@@ -52,13 +51,7 @@ class HeightDifferences:
 
 
 def slope_constraints(
-    vectors: NDArray[np.float32],
-    seen: NDArray[np.float32],
-    space: Space,
-    own: Layout,
-    base: Layout,
-    shaded: bool,
-    progress: Progress,
+    vectors: F32, seen: F32, space: Space, own: Layout, base: Layout, shaded: bool, progress: Progress
 ) -> HeightDifferences:
     """Constraints on heights over the mesh of `base` from normals `vectors` (S, S, 3) baked onto the mesh of `own`.
 
@@ -108,12 +101,8 @@ def slope_constraints(
 
 
 def _to_neighbour(
-    point: NDArray[np.floating[Any]],
-    normal: NDArray[np.floating[Any]],
-    wanted: NDArray[np.floating[Any]],
-    upright: NDArray[np.floating[Any]] | None,
-    axis: int,
-) -> tuple[NDArray[np.floating[Any]], NDArray[np.floating[Any]]]:
+    point: Floats, normal: Floats, wanted: Floats, upright: Floats | None, axis: int
+) -> tuple[Floats, Floats]:
     """The chord to the next texel along an axis, and the difference of the normals, relative to the mean target normal.
 
     upright: shading normals that the heights are relative to, None for the facets.
@@ -130,7 +119,7 @@ def _to_neighbour(
     return dot(towards, chord) / facing, (second - first) / facing
 
 
-def _surface(layout: Layout, middle: NDArray[np.float64]) -> list[NDArray[np.float64]]:
+def _surface(layout: Layout, middle: F64) -> list[F64]:
     """(T, 3, 3) the corners' positions in world space, relative to `middle`, and their smooth normals."""
     mesh = layout.mesh
     points = (mesh.world_vertices - middle)[mesh.triangles]
@@ -138,19 +127,13 @@ def _surface(layout: Layout, middle: NDArray[np.float64]) -> list[NDArray[np.flo
     return [points, -normals if mesh.is_mirrored else normals]
 
 
-def _shading(layout: Layout) -> list[NDArray[np.floating[Any]]]:
+def _shading(layout: Layout) -> list[Floats]:
     """(T, 3, 3) tangents and shading normals of the corners, and (T, 3, 1) the bitangents' signs."""
     mesh = layout.mesh
     return [mesh.tangents[..., :3], mesh.corner_normals, np.repeat(mesh.tangents[:, :1, 3:], 3, axis=1)]
 
 
-def _wanted(
-    vectors: NDArray[np.float32],
-    seen: NDArray[np.float32],
-    space: Space,
-    own: Layout,
-    shading: tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]],
-) -> NDArray[np.float64]:
+def _wanted(vectors: F32, seen: F32, space: Space, own: Layout, shading: tuple[F64, F64, F64]) -> F64:
     """(h, S, 3) target unit normals in world space for some rows of the texture. shading: of these rows, see
     :func:`_shading`."""
     tangent, normal, sign = shading
@@ -162,19 +145,17 @@ def _wanted(
     return _to_world(own, mixed)
 
 
-def _to_world(own: Layout, normals: NDArray[np.float64]) -> NDArray[np.float64]:
+def _to_world(own: Layout, normals: F64) -> F64:
     return normalised(normals @ own.mesh.normals_to_world)
 
 
-def _from_tangent_space(
-    vectors: NDArray[np.float64], tangent: NDArray[np.float64], normal: NDArray[np.float64], sign: NDArray[np.float64]
-) -> NDArray[np.float64]:
+def _from_tangent_space(vectors: F64, tangent: F64, normal: F64, sign: F64) -> F64:
     """(h, S, 3) tangent-space `vectors` in object space, not normalised."""
     x, y, z = np.moveaxis(vectors, -1, 0)[..., None]
     return x * tangent + y * sign * np.cross(normal, tangent) + z * normal
 
 
-def object_normals(vectors: NDArray[np.float32], mesh: Mesh, margin: int) -> NDArray[np.float32]:
+def object_normals(vectors: F32, mesh: Mesh, margin: int) -> F32:
     """(S, S, 3) an object-space texture that shades any surface near the mesh as the tangent-space texture `vectors`
     (S, S, 3) shades the mesh. margin: texels by which the UV islands are dilated."""
     own = layout_of(mesh, len(vectors))
@@ -186,7 +167,7 @@ def object_normals(vectors: NDArray[np.float32], mesh: Mesh, margin: int) -> NDA
     return extend_to_nearest(found, covered, margin, in_place=True)
 
 
-def seen_share(vectors: NDArray[np.float32], space: Space, own: Layout, fade: float) -> NDArray[np.float32]:
+def seen_share(vectors: F32, space: Space, own: Layout, fade: float) -> F32:
     """(S, S) from 0 where no view saw the surface, rising to 1 at the distance `fade` (world units) from there.
 
     Unseen texels have the mesh's own normals. Normals near them were seen at grazing angles and have the largest

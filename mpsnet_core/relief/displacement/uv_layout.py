@@ -1,15 +1,17 @@
 """A mesh's layout in a texture: the triangle under each texel, and the texels that meet at the seams."""
 
-from dataclasses import dataclass
-from typing import Any
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+from itertools import chain
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mpsnet_core.arrays.rasterize import NO_AREA, texel_areas, texel_coordinates, triangle_of_texel
-from mpsnet_core.errors import GeometryError
+from mpsnet_core.arrays.types import F32, F64, I32, I64, Bools, Floats
+from mpsnet_core.errors import GeometryError, SettingsError
+from mpsnet_core.relief.height_map import MAX_SIZE, check_square
 from mpsnet_core.scene.mesh import Mesh
-from mpsnet_core.scene.uv_islands import Islands, islands_of
+from mpsnet_core.scene.texture_sets import Islands, TextureSet, islands_of
 
 # Triangles below this fraction of the largest area are degenerate, apart from rounding.
 MIN_AREA = 1e-12
@@ -27,16 +29,16 @@ class Layout:
 
     mesh: Mesh
     """The mesh, with T triangles."""
-    corners: NDArray[np.float64]
+    corners: F64
     """(T, 3, 2) float64. Texel coordinates of the triangles' corners."""
-    triangle: NDArray[np.int32]
+    triangle: I32
     """(S, S) int32. The triangle that covers each texel, -1 for none."""
-    island: NDArray[np.int32]
+    island: I32
     """(S, S) int32. The UV island that covers each texel, -1 for none."""
     islands: Islands
     """The mesh's UV islands."""
 
-    def at(self, rows: slice, *layers: NDArray[np.floating[Any]]) -> list[NDArray[np.float64]]:
+    def at(self, rows: slice, *layers: Floats) -> list[F64]:
         """(h, S, K) corner values (T, 3, K), interpolated linearly over each triangle, at some rows of texels; 0 where
         there is no triangle."""
         triangle = self.triangle[rows]
@@ -56,7 +58,7 @@ class Layout:
             found.append(values)
         return found
 
-    def areas(self) -> NDArray[np.float64]:
+    def areas(self) -> F64:
         """(T,) area of a texel on each triangle, in world units."""
         return self.mesh.world_areas / np.maximum(texel_areas(self.corners), NO_AREA)
 
@@ -88,9 +90,7 @@ class Layout:
         return Seams(places, np.where(texels >= 0, number[texels], -1).astype(np.int32), offsets)
 
 
-def _samples_within(
-    ends: NDArray[np.float64], size: int
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.int64]]:
+def _samples_within(ends: F64, size: int) -> tuple[F64, F64, I64]:
     """For each seam the interval, within 0 to 1, in which a side is in the texture, and its number of sample points.
 
     ends: (M, 2 sides, 2 ends, 2) texel coordinates.
@@ -115,16 +115,16 @@ def _samples_within(
 class Seams:
     """M sample points along the seams, and the texels next to them."""
 
-    places: NDArray[np.float64]
+    places: F64
     """(M, 2, 2) float64. Texel coordinates of each point on either side of the seam."""
-    texels: NDArray[np.int32]
+    texels: I32
     """(M, 2) int32. The nearest covered texel on each side, as an index among all covered texels in row-major order; -1
     on islands that are too small to cover one there."""
-    offsets: NDArray[np.float64]
+    offsets: F64
     """(M, 2, 2) float64. Offset of the point, right and down in texels, from that texel's centre."""
 
     @property
-    def met(self) -> NDArray[np.bool_]:
+    def met(self) -> Bools:
         """(M,) whether both sides cover a texel, and not the same one."""
         return (self.texels >= 0).all(axis=1) & (self.texels[:, 0] != self.texels[:, 1])
 
@@ -140,3 +140,69 @@ def layout_of(mesh: Mesh, size: int) -> Layout:
     triangle = np.where(laid >= 0, order[laid], np.int32(-1))
     island = np.where(laid >= 0, islands.of_triangle[triangle], np.int32(-1))
     return Layout(mesh, corners, triangle, island, islands)
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# UDIM tiles joined in one texture, to solve for all of them at once.
+
+
+@dataclass(frozen=True)
+class Tiles:
+    """UDIM tiles, arranged in a texture of `side` x `side` squares, starting at the lower left."""
+
+    corners: I64
+    """(N, 2) int64. The tiles' lower left corners in UV space."""
+
+    @property
+    def side(self) -> int:
+        return int(np.ceil(np.sqrt(len(self.corners))))
+
+    def mesh(self, mesh: Mesh) -> Mesh:
+        """The mesh with its UVs in that texture. Triangles in none of the tiles lie outside it."""
+        of_triangle = np.floor(mesh.uvs.mean(axis=1, dtype=np.float64)).astype(np.int64)
+        uvs = np.full(mesh.uvs.shape, -1.0)
+        for number, corner in enumerate(self.corners):
+            inside = (of_triangle == corner).all(axis=1)
+            row, column = divmod(number, self.side)
+            uvs[inside] = (mesh.uvs[inside] - corner + (column, row)) / self.side
+        # Tangents are those of the original UVs, which may be connected across a tile's border.
+        return replace(mesh, uvs=uvs, given_tangents=mesh.tangents)
+
+    def joined(self, textures: Iterable[F32]) -> F32:
+        """(side S, side S, K) the tiles' textures (S, S, K) joined, read one by one; 0 where there is no tile.
+
+        Raises InputError if they differ in size, are not square, or are too large together.
+        """
+        ahead = iter(textures)
+        first = next(ahead)
+        height, width, *more = first.shape
+        check_square(height, width)
+        if self.side > 1 and height * self.side > MAX_SIZE:
+            raise SettingsError(
+                f"{len(self.corners)} tiles of {height} texels a side are too many for heights on UVs; bake them with "
+                f"{MAX_SIZE // self.side} at most"
+            )
+        whole = np.zeros((height * self.side, width * self.side, *more), np.float32)
+        for place, texture in zip(self._places(height), chain([first], ahead), strict=True):
+            if texture.shape != first.shape:
+                sizes = " and ".join(f"{w} x {h}" for h, w, *_ in sorted((first.shape, texture.shape)))
+                raise GeometryError(f"the tiles' textures have several sizes, {sizes}; bake them all with one")
+            whole[place] = texture
+        return whole
+
+    def parted(self, whole: F32) -> list[F32]:
+        """Each tile's part (S, S, ...) of the texture (side S, side S, ...)."""
+        return [whole[place] for place in self._places(len(whole) // self.side)]
+
+    def _places(self, size: int) -> list[tuple[slice, slice]]:
+        places = []
+        for number in range(len(self.corners)):
+            row, column = divmod(number, self.side)
+            top = self.side - 1 - row
+            places.append((slice(top * size, (top + 1) * size), slice(column * size, (column + 1) * size)))
+        return places
+
+
+def tiles_of(texture_sets: Sequence[TextureSet]) -> Tiles:
+    """The tiles of :func:`mpsnet_core.scene.texture_sets.texture_sets`."""
+    return Tiles(np.array([texture_set.corner for texture_set in texture_sets], np.int64))

@@ -3,30 +3,26 @@
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mpsnet_core import defaults
+from mpsnet_core.arrays.types import F32, Bools
 from mpsnet_core.capture.capture import Capture
-from mpsnet_core.defaults import (
-    BEND,
-    CURVATURE_RADIUS,
-    MAX_BEND,
-    MAX_MATERIAL_SIZE,
-    MAX_OVERLAP,
-    MIN_MATERIAL_SIZE,
-    MIN_OVERLAP,
-    OVERLAP,
-)
+from mpsnet_core.defaults import MAX_MATERIAL_SIZE, MAX_OVERLAP, MIN_MATERIAL_SIZE, MIN_OVERLAP
 from mpsnet_core.errors import GeometryError, SettingsError
 from mpsnet_core.io.from_files import takes_files
 from mpsnet_core.progress import Progress, silent
 from mpsnet_core.relief.curvature import curvature
-from mpsnet_core.relief.material.albedo import estimated_albedo
-from mpsnet_core.relief.material.flatten import flatten_albedo, flatten_normals
-from mpsnet_core.relief.material.gradients import normals_of, periodic_height, remove_low_frequencies
-from mpsnet_core.relief.material.resampling import sampled
-from mpsnet_core.relief.material.seam import MIN_JOINED, Seam, make_seamless, measure_seam
-from mpsnet_core.relief.material.tiling import Tiling, find_tiling
-from mpsnet_core.relief.sizes import check_size
+from mpsnet_core.relief.height_map import check_size
+from mpsnet_core.relief.material import flatten
+from mpsnet_core.relief.material.tiling import (
+    MIN_JOINED,
+    Seam,
+    Tiling,
+    find_tiling,
+    make_seamless,
+    measure_seam,
+    sampled,
+)
 from mpsnet_core.scene.camera import Camera
 from mpsnet_core.scene.normal_map import NormalMap
 
@@ -38,13 +34,13 @@ BRIGHTEST = 0.95
 class Material:
     """A tile of a flat material. All its textures are periodic."""
 
-    normals: NDArray[np.float32]
+    normals: F32
     """(H, W, 3) float32. Unit vectors: x right, y up, z out of the material. Their gradients have mean 0."""
-    height: NDArray[np.float32]
+    height: F32
     """(H, W) float32. In millimetres, mean 0."""
-    curvature: NDArray[np.float32]
+    curvature: F32
     """(H, W) float32. Sum of the principal curvatures in 1 / mm, above 0 where the material is convex."""
-    albedo: NDArray[np.float32]
+    albedo: F32
     """(H, W, 3) float32. Linear, 0 to 1."""
     width_mm: float
     """Width of the tile in millimetres."""
@@ -65,8 +61,8 @@ def flat_material(
     pixel_mm: float,
     *,
     size: int | None = None,
-    overlap: float = OVERLAP,
-    bend: int = BEND,
+    overlap: float = defaults.OVERLAP,
+    bend: int = defaults.BEND,
     grey: bool = False,
     progress: Progress = silent,
 ) -> Material:
@@ -118,42 +114,30 @@ def flat_material(
     features = sampled(features, tiling, tile, joined)  # frees those of the whole photo, which are large
     features, cut = make_seamless(features, joined)
     progress(0.7, "integrating the height")
-    return _material(remove_low_frequencies(features, bend), cut, tiling, tilt, pixel_mm)
+    return _material(flatten.remove_low_frequencies(features, bend), cut, tiling, tilt, pixel_mm)
 
 
-def _material(
-    pictures: NDArray[np.float32], cut: NDArray[np.bool_], tiling: Tiling, tilt: float, pixel_mm: float
-) -> Material:
+def _material(pictures: F32, cut: Bools, tiling: Tiling, tilt: float, pixel_mm: float) -> Material:
     """The material from (h, w, 5) features of the tile: gradients and the albedo's logarithm."""
     gradients = pictures[..., :2] - pictures[..., :2].mean(axis=(0, 1))
-    normals = normals_of(gradients)
+    normals = flatten.normals_of(gradients)
     width_mm, height_mm = (float(np.linalg.norm(step)) * pixel_mm for step in (tiling.right, tiling.down))
     pitch = width_mm / cut.shape[1], height_mm / cut.shape[0]
-    return Material(
-        normals,
-        periodic_height(gradients, pitch),
-        _repeated_curvature(normals, pitch),
-        _within_range(np.exp(pictures[..., 2:])),
-        width_mm,
-        height_mm,
-        tiling,
-        measure_seam(normals, cut),
-        tilt,
-    )
+    height, bent = flatten.periodic_height(gradients, pitch), _repeated_curvature(normals, pitch)
+    albedo, seam = _within_range(np.exp(pictures[..., 2:])), measure_seam(normals, cut)
+    return Material(normals, height, bent, albedo, width_mm, height_mm, tiling, seam, tilt)
 
 
 def check_material(size: int | None, overlap: float, bend: int) -> None:
     """Raise SettingsError if a material of this size, overlap and bend cannot be made."""
     if size is not None and not MIN_MATERIAL_SIZE <= size <= MAX_MATERIAL_SIZE:
-        raise SettingsError(
-            f"a material's pictures are {MIN_MATERIAL_SIZE} to {MAX_MATERIAL_SIZE} pixels a side, not {size}"
-        )
+        raise SettingsError(f"a material has {MIN_MATERIAL_SIZE} to {MAX_MATERIAL_SIZE} pixels a side, not {size}")
     if not MIN_OVERLAP <= overlap <= MAX_OVERLAP:
         raise SettingsError(f"borders overlap by {MIN_OVERLAP:g} to {MAX_OVERLAP:g} of the tile, not {overlap:g}")
     if size is not None:
         _check_overlap(round(overlap * size), overlap)
-    if not 0 <= bend <= MAX_BEND:
-        raise SettingsError(f"a bend of {bend} half waves cannot be taken out; choose 0 to {MAX_BEND}")
+    if not 0 <= bend <= defaults.MAX_BEND:
+        raise SettingsError(f"a bend of {bend} half waves cannot be taken out; choose 0 to {defaults.MAX_BEND}")
 
 
 def _check_overlap(pixels: int, overlap: float) -> None:
@@ -184,38 +168,26 @@ def crop_to_filled_part(capture: Capture, crop: tuple[int, int, int, int] | None
             f"the photo, which is {columns} x {rows}; choose a crop within it"
         )
     if min(width, height) < MIN_MATERIAL_SIZE:
-        raise GeometryError(
-            f"{width} x {height} pixels are too few for a material; take {MIN_MATERIAL_SIZE} or more each way"
-        )
+        raise GeometryError(f"{width} x {height} pixels are too few for a material; take {MIN_MATERIAL_SIZE} or more")
     part = slice(top, top + height), slice(left, left + width)
     missing = 1 - float(capture.mask[part].mean())
     if missing:
         raise GeometryError(f"a flat material fills the photo, but {missing:.1%} of it is transparent; crop it")
-    camera = capture.camera
-    if camera is not None:
-        camera = camera.cropped(left, top, width, height)
-    return replace(
-        capture,
-        image=capture.image[part],
-        mask=capture.mask[part],
-        camera=camera,
-        depth=None if capture.depth is None else capture.depth[part],
-        clipped=None if capture.clipped is None else capture.clipped[part],
-    )
+    camera = capture.camera and capture.camera.cropped(left, top, width, height)
+    arrays = {name: getattr(capture, name) for name in ("image", "mask", "depth", "clipped")}
+    return replace(capture, camera=camera, **{name: None if one is None else one[part] for name, one in arrays.items()})
 
 
-def _flatten(
-    capture: Capture, normals: NormalMap, bend: int, grey: bool, progress: Progress
-) -> tuple[NDArray[np.float32], float]:
+def _flatten(capture: Capture, normals: NormalMap, bend: int, grey: bool, progress: Progress) -> tuple[F32, float]:
     """(H, W, 5) gradients along columns and rows and the albedo's logarithm, and the tilt that was removed."""
     progress(0.0, "laying the material flat")
-    gradients, tilt = flatten_normals(normals.vectors, bend)
+    gradients, tilt = flatten.flatten_normals(normals.vectors, bend)
     progress(0.15, "estimating the albedo")
-    albedo = flatten_albedo(estimated_albedo(capture, normals_of(gradients), grey=grey), bend)
+    albedo = flatten.flatten_albedo(flatten.estimated_albedo(capture, flatten.normals_of(gradients), grey=grey), bend)
     return np.concatenate([gradients, np.log(albedo)], axis=-1), tilt
 
 
-def _features_to_compare(features: NDArray[np.float32]) -> NDArray[np.float32]:
+def _features_to_compare(features: F32) -> F32:
     """Features for the comparison of places: gradients, and the logarithm of brightness, scaled to match."""
     brightness = features[..., 2:].mean(axis=-1, keepdims=True)
     return np.concatenate([features[..., :2], brightness - brightness.mean()], axis=-1)
@@ -229,9 +201,9 @@ def _tile_size(tiling: Tiling, size: int | None) -> tuple[int, int]:
     return down, across
 
 
-def _repeated_curvature(normals: NDArray[np.float32], pitch: tuple[float, float]) -> NDArray[np.float32]:
+def _repeated_curvature(normals: F32, pitch: tuple[float, float]) -> F32:
     """(H, W) the curvature of a periodic tile, computed with enough repetition around it."""
-    around = CURVATURE_RADIUS + 1
+    around = defaults.CURVATURE_RADIUS + 1
     vectors = np.pad(normals, ((around, around), (around, around), (0, 0)), mode="wrap")
     shape = vectors.shape[:2]
     found = curvature(NormalMap(vectors, np.ones(shape, bool)), _camera(shape, pitch))
@@ -243,7 +215,7 @@ def _camera(shape: tuple[int, ...], pitch: tuple[float, float]) -> Camera:
     return Camera("orthographic", shape[1], shape[0], 1 / np.array(pitch))
 
 
-def _within_range(albedo: NDArray[np.float32]) -> NDArray[np.float32]:
+def _within_range(albedo: F32) -> F32:
     """Albedos of at most 1. All are darkened if one in a hundred exceeds BRIGHTEST."""
     bright = float(np.percentile(albedo[::4, ::4], 99))
     return np.clip(albedo * np.float32(min(1.0, BRIGHTEST / max(bright, 1e-6))), 0, 1)

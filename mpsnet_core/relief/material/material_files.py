@@ -1,58 +1,114 @@
-"""A material as files: its textures, a JSON file with their scales, and a preview of it repeated."""
+"""Parsing of a photo's scale: lengths (120mm, 12 cm, 0.12m, 4in), and positions in pixels."""
 
 import logging
-import os
+import math
+import re
 from dataclasses import asdict, dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mpsnet_core.arrays.types import F32
 from mpsnet_core.capture.capture import Capture
 from mpsnet_core.capture.masks import ALPHA_OR_NONE
 from mpsnet_core.capture.open import open_captures
 from mpsnet_core.defaults import BY_PHOTO
 from mpsnet_core.errors import SettingsError
 from mpsnet_core.estimate.registry import DEFAULT_MODEL, LAMBERTIAN_GREY_WORLD
-from mpsnet_core.io.files import (
-    IMAGE_SUFFIXES,
-    check_no_overwrite,
-    check_own,
-    creatable_folder,
-    ensure_folder,
-    prefix_errors,
-    write_json,
-    write_transaction,
-)
+from mpsnet_core.io import files as disk
 from mpsnet_core.io.from_files import takes_files
 from mpsnet_core.io.image import linear_to_srgb
 from mpsnet_core.io.image_writing import write_image, write_picture
 from mpsnet_core.io.marks import made
+from mpsnet_core.io.opening import AnyPath
 from mpsnet_core.operation import Result
 from mpsnet_core.progress import Progress, part, silent
 from mpsnet_core.relief.curvature import curvature_picture, curvature_range
 from mpsnet_core.relief.material.material import Material, check_material, crop_to_filled_part, flat_material
-from mpsnet_core.relief.material.resampling import resampled
-from mpsnet_core.relief.material.scale import Ruler, millimetres, parse_crop, parse_ruler
+from mpsnet_core.relief.material.tiling import resampled
 from mpsnet_core.relief.operations import MakeMaterial
 from mpsnet_core.relief.relight import relit
 from mpsnet_core.scene.normal_encoding import Convention, write_vectors
 from mpsnet_core.scene.normal_map import NormalMap
 
+MILLIMETRES = {"mm": 1.0, "cm": 10.0, "m": 1000.0, "in": 25.4}
+# In millimetres, from a micrometre to a kilometre. Beyond that, the unit is likely wrong.
+SHORTEST, LONGEST = 1e-3, 1e6
+
+_LENGTH = re.compile(rf"\s*([0-9]*\.?[0-9]+(?:e[+-]?[0-9]+)?)\s*({'|'.join(MILLIMETRES)})\s*", re.IGNORECASE)
+
+
+def millimetres(text: str) -> float:
+    """The length in millimetres. Raises SettingsError if `text` is not a number above 0 and its unit."""
+    found = _LENGTH.fullmatch(text)
+    if found is None:
+        units = ", ".join(MILLIMETRES)
+        raise SettingsError(f"{text!r} is not a length; give a number and its unit ({units}), for instance 120mm")
+    length = float(found[1]) * MILLIMETRES[found[2].lower()]
+    if not SHORTEST <= length <= LONGEST:
+        raise SettingsError(f"{text} is not a length that can be photographed; give 0.001mm to 1000m")
+    return length
+
+
+@dataclass(frozen=True)
+class Ruler:
+    """A length measured between two points in a photo."""
+
+    text: str
+    """The user's input."""
+    ends: tuple[float, ...]
+    """The two points, (x1, y1, x2, y2) in pixels from the upper left corner."""
+    length_mm: float
+    """Distance between the two points in millimetres."""
+
+    @property
+    def pixels(self) -> float:
+        """Distance between the two points in pixels."""
+        return math.dist(self.ends[:2], self.ends[2:])
+
+    def check_within(self, height: int, width: int) -> None:
+        """Raise SettingsError if a point is not within a photo of that size."""
+        x1, y1, x2, y2 = self.ends
+        if not (0 <= min(x1, x2) <= max(x1, x2) <= width and 0 <= min(y1, y2) <= max(y1, y2) <= height):
+            raise SettingsError(f"--ruler {self.text}: its places are outside the photo, which is {width} x {height}")
+
+
+def parse_ruler(text: str) -> Ruler:
+    """Parse a ruler such as ``x1,y1,x2,y2=50mm``. Raises SettingsError if it is malformed, or its points coincide."""
+    places, _, length = text.partition("=")
+    ends = _four_numbers(places, f"--ruler {text}", "x1,y1,x2,y2=50mm")
+    if math.dist(ends[:2], ends[2:]) < 1:
+        raise SettingsError(f"--ruler {text}: its two places are the same; measure between two others")
+    return Ruler(text, ends, millimetres(length))
+
+
+def parse_crop(text: str) -> tuple[int, int, int, int]:
+    """Parse left, top, width and height in pixels. Raises SettingsError if `text` is malformed."""
+    numbers = _four_numbers(text, f"--crop {text}", "x,y,width,height")
+    if not all(number.is_integer() for number in numbers):
+        raise SettingsError(f"--crop {text} is not of whole pixels; give whole numbers")
+    left, top, width, height = map(int, numbers)
+    return left, top, width, height
+
+
+def _four_numbers(text: str, what: str, form: str) -> tuple[float, ...]:
+    words = text.split(",")
+    if len(words) != 4 or not all(re.fullmatch(r"\s*-?[0-9]+(\.[0-9]+)?\s*", word) for word in words):
+        raise SettingsError(f"{what} is not {form}; give pixels from the photo's upper left corner")
+    return tuple(map(float, words))
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# A material as files: its textures, a JSON file with their scales, and a preview of it repeated.
+
+
 log = logging.getLogger(__name__)
 
 MATERIAL_FORMAT = "mpsnet-material"
 MATERIAL_VERSION = 1
-PICTURES = {
-    "normal": ".png",
-    "height": ".png",
-    "height_mm": ".exr",
-    "curvature": ".png",
-    "albedo": ".png",
-    "preview": ".png",
-}
+PICTURES = {what: ".png" for what in ("normal", "height", "curvature", "albedo", "preview")} | {"height_mm": ".exr"}
 REPEATS = 3
 PREVIEW_SIDE = 1536
 # Equation 2's mean slope in units of the network's: about 1 on matt materials, 1.6 to 4 on those with a sheen.
@@ -83,22 +139,15 @@ def make_material(options: MakeMaterial, progress: Progress) -> MaterialMade:
     crop = parse_crop(options.crop) if options.crop else None
     length, pixels, ruler = _scale(options)
     name = _checked_name(options)
-    folder = creatable_folder(options.output, "material")
+    folder = disk.creatable_folder(options.output, "material")
     inputs = options.inputs(options.image, options.rig, options.camera, options.mesh)
-    check_no_overwrite(inputs, material_files(folder, name).values())
+    disk.check_no_overwrite(inputs, material_files(folder, name).values())
     estimate = partial(normals_by_photo, options) if options.model == BY_PHOTO else options.estimator()
     progress(0.0, f"reading {Path(options.image).name}")
     capture, width = _capture(options, ruler, crop)
-    material = flat_material(
-        capture,
-        estimate(capture, part(progress, 0.05, 0.5)),
-        length / (pixels or width),
-        size=options.size,
-        overlap=options.overlap,
-        bend=options.bend,
-        grey=options.grey,
-        progress=part(progress, 0.5, 0.85),
-    )
+    how = {name: getattr(options, name) for name in ("size", "overlap", "bend", "grey")}
+    normals, step = estimate(capture, part(progress, 0.05, 0.5)), part(progress, 0.5, 0.85)
+    material = flat_material(capture, normals, length / (pixels or width), **how, progress=step)
     progress(0.85, f"writing {folder.name}")
     files = write_material(folder, name, material, convention=options.convention)
     progress(1.0, "done")
@@ -126,10 +175,8 @@ def normals_by_photo(options: MakeMaterial, capture: Capture, progress: Progress
     network = replace(options, model=DEFAULT_MODEL).estimator()(capture, progress)
     steep = [float(np.arccos(np.clip(one.vectors[capture.mask][:, 2], -1, 1)).mean()) for one in (matt, network)]
     glossy = steep[0] > GLOSSY * steep[1]
-    log.info(
-        "the photo shows a %s material: its normals are those of %s",
-        *(("glossy", DEFAULT_MODEL) if glossy else ("matt", LAMBERTIAN_GREY_WORLD)),
-    )
+    kind, model = ("glossy", DEFAULT_MODEL) if glossy else ("matt", LAMBERTIAN_GREY_WORLD)
+    log.info(f"the photo shows a {kind} material: its normals are those of {model}")
     return network if glossy else matt
 
 
@@ -150,7 +197,7 @@ def _checked_name(options: MakeMaterial) -> str:
     name = Path(options.image).stem if options.name is None else options.name
     if Path(name).name != name:
         raise SettingsError(f"--name {name} is not a file name; give the folder with -o")
-    if Path(options.output).suffix.lower() in IMAGE_SUFFIXES:
+    if Path(options.output).suffix.lower() in disk.IMAGE_SUFFIXES:
         raise SettingsError(f"--output {options.output} looks like an image file; give a folder for all of them")
     return name
 
@@ -159,7 +206,7 @@ def _capture(options: MakeMaterial, ruler: Ruler | None, crop: tuple[int, int, i
     """The part of the photo to use, and the whole photo's width in pixels."""
     [capture] = open_captures([options.source(options.image, options.rig, ALPHA_OR_NONE)], options.read_options())
     height, width = capture.mask.shape
-    with prefix_errors(options.image):
+    with disk.prefix_errors(options.image):
         if ruler:
             ruler.check_within(height, width)
         return crop_to_filled_part(capture, crop), width
@@ -170,7 +217,7 @@ def _repeats(correlation: tuple[float | None, float | None]) -> str:
     return f"it repeats in the photo, {' and '.join(repeats)}" if repeats else "nothing in the photo repeats"
 
 
-def material_files(folder: str | os.PathLike[str], name: str) -> dict[str, Path]:
+def material_files(folder: AnyPath, name: str) -> dict[str, Path]:
     """The files that :func:`write_material` writes, by content: the PICTURES, and "material".
 
     Raises FileError if one of them exists and this program did not make it.
@@ -178,13 +225,13 @@ def material_files(folder: str | os.PathLike[str], name: str) -> dict[str, Path]
     names = {what: f"{what}{suffix}" for what, suffix in PICTURES.items()} | {"material": "material.json"}
     files = {what: Path(folder) / f"{name}_{ending}" for what, ending in names.items()}
     for file in files.values():
-        check_own(file, derived=True, json_format=MATERIAL_FORMAT)
+        disk.check_own(file, derived=True, json_format=MATERIAL_FORMAT)
     return files
 
 
 @takes_files
 def write_material(
-    folder: str | os.PathLike[str], name: str, material: Material, *, convention: Convention = "opengl"
+    folder: AnyPath, name: str, material: Material, *, convention: Convention = "opengl"
 ) -> dict[str, Path]:
     """Write a material into a folder, which is created if needed. Either all files are written, or none.
 
@@ -211,13 +258,13 @@ def write_material(
     FileError
         If the folder cannot be created or written, or another file would be overwritten.
     """
-    files = material_files(ensure_folder(folder, "material"), name)
+    files = material_files(disk.ensure_folder(folder, "material"), name)
     mask = np.ones(material.height.shape, bool)
     low, high = float(material.height.min()), float(material.height.max())
     bend = curvature_range(material.curvature, mask)
     description = {**_description(material, low, high, bend), "convention": convention}
-    with write_transaction():
-        write_json(files["material"], {**description, "files": {what: files[what].name for what in PICTURES}})
+    with disk.write_transaction():
+        disk.write_json(files["material"], {**description, "files": {what: files[what].name for what in PICTURES}})
         write_vectors(files["normal"], material.normals, convention=convention)
         told = made("material")
         write_image(files["height"], (material.height - low) / max(high - low, 1e-9), description=told)
@@ -228,7 +275,7 @@ def write_material(
     return files
 
 
-def repeated_picture(material: Material) -> NDArray[np.float32]:
+def repeated_picture(material: Material) -> F32:
     """(H, W, 3) sRGB values: the tile repeated `REPEATS` times each way, reduced to its size and relit."""
     bright = max(float(np.percentile(material.albedo[::4, ::4], 99)), 1e-6)
     normals = NormalMap(material.normals, np.ones(material.height.shape, bool))

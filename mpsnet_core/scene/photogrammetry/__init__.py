@@ -1,42 +1,24 @@
 """Cameras from photogrammetry: COLMAP, Metashape and AliceVision (Meshroom), with their lenses.
 
-:func:`read_cameras` reads the files of any of them, :func:`find_photo` finds the photos, :func:`as_displayed` rotates a
-camera by the photo's EXIF orientation, and :func:`undistorted` removes the lens distortion.
+:func:`read_cameras` reads the files of any of them. In :mod:`.posed_photo`, :func:`~.posed_photo.find_photo` finds the
+photos, :func:`~.posed_photo.as_displayed` rotates a camera by the photo's EXIF orientation, and
+:func:`~.posed_photo.undistorted` removes the lens distortion.
 """
 
-import os
 from pathlib import Path
 
 from mpsnet_core.errors import FormatError
+from mpsnet_core.io.opening import AnyPath
 from mpsnet_core.scene.photogrammetry.alicevision import read_alicevision
 from mpsnet_core.scene.photogrammetry.colmap import read_colmap
-from mpsnet_core.scene.photogrammetry.lens import Lens, photo_points, undistorted, undistorted_mask
 from mpsnet_core.scene.photogrammetry.metashape import read_metashape
-from mpsnet_core.scene.photogrammetry.posed_photo import PosedPhoto, as_displayed, find_photo, turned
+from mpsnet_core.scene.photogrammetry.posed_photo import PosedPhoto
 
-__all__ = [
-    "Lens",
-    "PosedPhoto",
-    "as_displayed",
-    "find_photo",
-    "photo_points",
-    "read_cameras",
-    "turned",
-    "undistorted",
-    "undistorted_mask",
-]
-
-_READERS = {
-    ".xml": read_metashape,
-    ".sfm": read_alicevision,
-    ".json": read_alicevision,
-    ".bin": read_colmap,
-    ".txt": read_colmap,
-    "": read_colmap,
-}
+_COLMAP = dict.fromkeys((".bin", ".txt", ""), read_colmap)
+_READERS = {".xml": read_metashape, ".sfm": read_alicevision, ".json": read_alicevision, **_COLMAP}
 
 
-def read_cameras(path: str | os.PathLike[str]) -> list[PosedPhoto]:
+def read_cameras(path: AnyPath) -> list[PosedPhoto]:
     """The posed photos of a photogrammetry program, sorted by the photos' names.
 
     Parameters

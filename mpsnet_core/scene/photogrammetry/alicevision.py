@@ -6,17 +6,16 @@ definitions of focal length and principal point. Numbers are written as text.
 
 import json
 import math
-import os
 from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mpsnet_core.arrays.types import F64
 from mpsnet_core.errors import FormatError
 from mpsnet_core.io.files import existing_file, prefix_errors
-from mpsnet_core.scene.photogrammetry.lens import Lens
-from mpsnet_core.scene.photogrammetry.posed_photo import FLIP_YZ, PosedPhoto, photogrammetry_camera, rotation
+from mpsnet_core.io.opening import AnyPath
+from mpsnet_core.scene.photogrammetry.posed_photo import FLIP_YZ, Lens, PosedPhoto, photogrammetry_camera, rotation
 
 # A scene with its points is far larger than its cameras, and takes about ten times this in memory while it is read.
 MAX_FILE_BYTES = 1 << 28
@@ -29,7 +28,7 @@ _OLD_TYPES = {"radial1": "radialk1", "radial3": "radialk3", "brown": "brown"}
 Version = tuple[int, int, int]
 
 
-def read_alicevision(path: str | os.PathLike[str]) -> list[PosedPhoto]:
+def read_alicevision(path: AnyPath) -> list[PosedPhoto]:
     """The posed photos of an AliceVision scene. Photos without a pose are left out.
 
     The world is that of the meshes that the same version writes. Since file version 1.2.3, their y and z axes point the
@@ -42,9 +41,7 @@ def read_alicevision(path: str | os.PathLike[str]) -> list[PosedPhoto]:
     file = existing_file(path, "scene")
     with prefix_errors(file):
         if file.stat().st_size > MAX_FILE_BYTES:
-            raise FormatError(
-                "it is larger than 256 MiB; take cameras.sfm of Meshroom's node StructureFromMotion, without points"
-            )
+            raise FormatError("it is larger than 256 MiB; take cameras.sfm of Meshroom's StructureFromMotion")
         try:
             scene = json.loads(file.read_text(encoding="utf-8-sig"))
         except UnicodeDecodeError:
@@ -66,9 +63,7 @@ def read_alicevision(path: str | os.PathLike[str]) -> list[PosedPhoto]:
                 if not isinstance(name, str):
                     raise FormatError('its "path" is not text; save the scene again')
                 if intrinsic is None:
-                    raise FormatError(
-                        f"its intrinsic {view.get('intrinsicId')} is not in the scene; save both together"
-                    )
+                    raise FormatError(f"its intrinsic {view.get('intrinsicId')} is not in the scene; save both")
                 if str(view.get("isPoseIndependant", "true")).lower() in ("false", "0"):
                     raise FormatError("it belongs to several cameras mounted together; reconstruct without their rig")
                 photos.append(_posed(name, intrinsic, pose, version))
@@ -92,7 +87,7 @@ def _posed(name: str, intrinsic: dict[str, Any], pose: dict[str, Any], version: 
     return PosedPhoto(name, camera, _lens(intrinsic))
 
 
-def _focal(intrinsic: dict[str, Any], width: float, version: Version) -> NDArray[np.float64]:
+def _focal(intrinsic: dict[str, Any], width: float, version: Version) -> F64:
     """(2,) focal length in pixels. For one lens in all versions, see compatibilityData/scene_v*.json in AliceVision."""
     if version < (1, 2, 0):
         return np.repeat(_numbers(intrinsic, "pxFocalLength", 1), 2)
@@ -107,9 +102,7 @@ def _focal(intrinsic: dict[str, Any], width: float, version: Version) -> NDArray
     if version < (1, 2, 9):
         return np.array([focal, focal * ratio])
     if version < (1, 2, 11) and ratio != 1:
-        raise FormatError(
-            "file versions 1.2.9 and 1.2.10 are read with square pixels only; save it with a newer Meshroom"
-        )
+        raise FormatError("versions 1.2.9 and 1.2.10 are read with square pixels only; save it with a newer Meshroom")
     return np.array([focal / ratio, focal])
 
 
@@ -156,7 +149,7 @@ def _number(record: dict[str, Any], key: str, otherwise: float | None = None) ->
     return float(_finite([value], key)[0])
 
 
-def _numbers(record: dict[str, Any], key: str, count: int) -> NDArray[np.float64]:
+def _numbers(record: dict[str, Any], key: str, count: int) -> F64:
     value = record.get(key)
     values = value if isinstance(value, list) else [value]
     if len(values) != count:
@@ -164,7 +157,7 @@ def _numbers(record: dict[str, Any], key: str, count: int) -> NDArray[np.float64
     return _finite(values, key)
 
 
-def _finite(values: list[Any], key: str) -> NDArray[np.float64]:
+def _finite(values: list[Any], key: str) -> F64:
     try:
         if any(isinstance(value, bool) for value in values):
             raise ValueError

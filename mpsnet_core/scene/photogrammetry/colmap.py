@@ -13,46 +13,29 @@ from pathlib import Path
 from typing import Any, BinaryIO, TextIO
 
 import numpy as np
-from numpy.typing import NDArray
 
-from mpsnet_core.arrays.rotations import quaternion_matrix
+from mpsnet_core.arrays.types import F64
+from mpsnet_core.arrays.unit_vectors import quaternion_matrix
 from mpsnet_core.errors import FileError, FormatError
 from mpsnet_core.io.files import existing_file, prefix_errors
-from mpsnet_core.scene.photogrammetry.lens import Lens
-from mpsnet_core.scene.photogrammetry.posed_photo import PosedPhoto, photogrammetry_camera, rotation
+from mpsnet_core.io.opening import AnyPath
+from mpsnet_core.scene.photogrammetry.posed_photo import Lens, PosedPhoto, photogrammetry_camera, rotation
 
 log = logging.getLogger(__name__)
 
 # Parameters of the camera models, in the file's order. p1 and p2 are OpenCV's.
-_PARAMETERS = {
-    "SIMPLE_PINHOLE": ("f", "cx", "cy"),
-    "PINHOLE": ("fx", "fy", "cx", "cy"),
-    "SIMPLE_RADIAL": ("f", "cx", "cy", "k1"),
-    "RADIAL": ("f", "cx", "cy", "k1", "k2"),
-    "OPENCV": ("fx", "fy", "cx", "cy", "k1", "k2", "p1", "p2"),
-    "FULL_OPENCV": ("fx", "fy", "cx", "cy", "k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6"),
-}
+_SIMPLE, _PINHOLE = ("f", "cx", "cy"), ("fx", "fy", "cx", "cy")
+_OPENCV = (*_PINHOLE, "k1", "k2", "p1", "p2")
+_PARAMETERS = {"SIMPLE_PINHOLE": _SIMPLE, "PINHOLE": _PINHOLE, "SIMPLE_RADIAL": (*_SIMPLE, "k1")}
+_PARAMETERS |= {"RADIAL": (*_SIMPLE, "k1", "k2"), "OPENCV": _OPENCV, "FULL_OPENCV": (*_OPENCV, "k3", "k4", "k5", "k6")}
 # Binary files identify a model by its index here.
+# fmt: off
 _MODELS = (
-    "SIMPLE_PINHOLE",
-    "PINHOLE",
-    "SIMPLE_RADIAL",
-    "RADIAL",
-    "OPENCV",
-    "OPENCV_FISHEYE",
-    "FULL_OPENCV",
-    "FOV",
-    "SIMPLE_RADIAL_FISHEYE",
-    "RADIAL_FISHEYE",
-    "THIN_PRISM_FISHEYE",
-    "RAD_TAN_THIN_PRISM_FISHEYE",
-    "SIMPLE_DIVISION",
-    "DIVISION",
-    "SIMPLE_FISHEYE",
-    "FISHEYE",
-    "EUCM",
-    "EQUIRECTANGULAR",
+    "SIMPLE_PINHOLE", "PINHOLE", "SIMPLE_RADIAL", "RADIAL", "OPENCV", "OPENCV_FISHEYE", "FULL_OPENCV", "FOV",
+    "SIMPLE_RADIAL_FISHEYE", "RADIAL_FISHEYE", "THIN_PRISM_FISHEYE", "RAD_TAN_THIN_PRISM_FISHEYE", "SIMPLE_DIVISION",
+    "DIVISION", "SIMPLE_FISHEYE", "FISHEYE", "EUCM", "EQUIRECTANGULAR",
 )
+# fmt: on
 
 NO_MODEL = "no COLMAP model (cameras.bin or cameras.txt, also in sparse/0)"
 
@@ -80,7 +63,7 @@ class _Intrinsics:
     """The distortion."""
 
 
-def read_colmap(path: str | os.PathLike[str]) -> list[PosedPhoto]:
+def read_colmap(path: AnyPath) -> list[PosedPhoto]:
     """The posed photos of a COLMAP sparse model.
 
     path: its folder, a project's folder (for the model in sparse/0), or one of the files cameras.bin, images.bin,
@@ -110,9 +93,7 @@ def read_colmap(path: str | os.PathLike[str]) -> list[PosedPhoto]:
 def _model_files(path: Path) -> tuple[Path, Path]:
     if path.is_file():
         if path.name not in ("cameras.bin", "images.bin", "cameras.txt", "images.txt"):
-            raise FormatError(
-                f"{path} is not a file of a COLMAP model; name its folder, or cameras.bin, or cameras.txt"
-            )
+            raise FormatError(f"{path} is no file of a COLMAP model; name its folder, or cameras.bin, or cameras.txt")
         return path.with_name(f"cameras{path.suffix}"), path.with_name(f"images{path.suffix}")
     if not path.is_dir():
         raise FileError(f"{path} does not exist; name the folder of a COLMAP model")
@@ -159,7 +140,7 @@ def _known_model(model: str) -> str:
     return model
 
 
-def _posed(name: str, inside: _Intrinsics, pose: NDArray[np.float64]) -> PosedPhoto:
+def _posed(name: str, inside: _Intrinsics, pose: F64) -> PosedPhoto:
     """pose: quaternion w, x, y, z and translation, world to camera."""
     length = math.hypot(*pose[:4])
     if not np.isfinite(pose).all() or abs(length - 1) > 1e-2:

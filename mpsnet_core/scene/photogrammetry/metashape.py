@@ -7,7 +7,6 @@ The camera model is that of the user manual's appendix "Camera models", frame ca
 """
 
 import logging
-import os
 from dataclasses import dataclass, field
 from functools import cache
 from typing import Any
@@ -15,12 +14,12 @@ from xml.etree import ElementTree
 from xml.etree.ElementTree import Element
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mpsnet_core.arrays.types import F64
 from mpsnet_core.errors import FormatError
 from mpsnet_core.io.files import existing_file, prefix_errors
-from mpsnet_core.scene.photogrammetry.lens import Lens
-from mpsnet_core.scene.photogrammetry.posed_photo import PosedPhoto, photogrammetry_camera, rotation
+from mpsnet_core.io.opening import AnyPath
+from mpsnet_core.scene.photogrammetry.posed_photo import Lens, PosedPhoto, photogrammetry_camera, rotation
 
 log = logging.getLogger(__name__)
 
@@ -36,15 +35,15 @@ EXPORT = "export the cameras again (File > Export > Export Cameras, Agisoft XML)
 class _Similarity:
     """The map of p to turn · scale · p + shift, from chunk to world."""
 
-    turn: NDArray[np.float64] = field(default_factory=lambda: np.eye(3))
+    turn: F64 = field(default_factory=lambda: np.eye(3))
     """(3, 3). Rotation."""
-    shift: NDArray[np.float64] = field(default_factory=lambda: np.zeros(3))
+    shift: F64 = field(default_factory=lambda: np.zeros(3))
     """(3,). Translation, in the world's unit."""
     scale: float = 1.0
     """Scale."""
 
 
-def read_metashape(path: str | os.PathLike[str]) -> list[PosedPhoto]:
+def read_metashape(path: AnyPath) -> list[PosedPhoto]:
     """The posed photos of a Metashape XML file. Photos that are disabled or not aligned are left out.
 
     The world is that of the chunk's own meshes: the transform of the chunk, or of a camera's component, is applied. Its
@@ -105,9 +104,7 @@ def _chunk_photos(chunk: Element) -> list[PosedPhoto]:
     return photos
 
 
-def _posed(
-    name: str, calibration: tuple[int, int, dict[str, float]], pose: NDArray[np.float64], world: _Similarity
-) -> PosedPhoto:
+def _posed(name: str, calibration: tuple[int, int, dict[str, float]], pose: F64, world: _Similarity) -> PosedPhoto:
     """The posed photo. calibration: of :func:`_calibration`. pose: (4, 4) camera to chunk, x right, y down, z ahead."""
     turn = world.turn @ rotation(pose[:3, :3], "the camera")
     with np.errstate(over="ignore", invalid="ignore"):  # Camera rejects non-finite values
@@ -172,7 +169,7 @@ def _similarity(transform: Element | None) -> _Similarity:
     return _Similarity(**given)
 
 
-def _numbers(text: str | None, count: int, what: str) -> NDArray[np.float64]:
+def _numbers(text: str | None, count: int, what: str) -> F64:
     try:
         numbers = np.array([float(word) for word in (text or "").split()])
     except ValueError:

@@ -9,7 +9,7 @@ import numpy as np
 import trimesh
 from numpy.typing import NDArray
 
-from mpsnet_core.arrays.connected_components import connected
+from mpsnet_core.arrays.mask_regions import connected
 from mpsnet_core.arrays.unit_vectors import dot, normalised
 from mpsnet_core.errors import FileError, FormatError, GeometryError
 from mpsnet_core.io.files import existing_file

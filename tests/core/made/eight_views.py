@@ -10,8 +10,8 @@ from surface_shapes import camera_looking, first_on_sphere, sphere_mesh, towards
 from synthetic import degrees_between
 
 from mpsnet_core.bake.bake import View, bake_normals
-from mpsnet_core.bake.feather import FEATHER
 from mpsnet_core.bake.low_frequency_correction import correct_low_frequencies
+from mpsnet_core.bake.projection import FEATHER
 from mpsnet_core.scene.camera import Camera
 from mpsnet_core.scene.normal_map import NormalMap
 from mpsnet_core.scene.rig import published_rig

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from mpsnet_core.errors import InputError
-from mpsnet_core.scene.photogrammetry import PosedPhoto, photo_points
+from mpsnet_core.scene.photogrammetry.posed_photo import PosedPhoto, photo_points
 
 Array = np.ndarray
 

@@ -6,8 +6,7 @@ import numpy as np
 
 from mpsnet_core.bake.bake import View
 from mpsnet_core.scene.camera import Camera
-from mpsnet_core.scene.joined_mesh import join_meshes
-from mpsnet_core.scene.mesh import Mesh
+from mpsnet_core.scene.mesh import Mesh, join_meshes
 from mpsnet_core.scene.normal_map import NormalMap
 
 SIZE = 96

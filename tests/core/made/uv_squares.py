@@ -2,8 +2,7 @@
 
 import numpy as np
 
-from mpsnet_core.scene.mesh import Mesh
-from mpsnet_core.scene.mesh_labels import labels_of_runs
+from mpsnet_core.scene.mesh import Mesh, labels_of_runs
 
 CORNERS = np.array([[0, 0], [1, 0], [1, 1], [0, 1]], float)
 HALVES = np.array([[0, 1, 2], [0, 2, 3]])

@@ -23,9 +23,8 @@ from mpsnet_core.relief.height_files import write_height
 from mpsnet_core.relief.integration.integrate import integrate
 from mpsnet_core.scene.camera import Camera, write_camera
 from mpsnet_core.scene.normal_map import NormalMap, write_normals
-from mpsnet_core.scene.rig import near_rig, write_lp, write_rig
+from mpsnet_core.scene.rig import WorldLights, near_rig, write_lp, write_rig, write_world_lights
 from mpsnet_core.scene.view_files import write_views
-from mpsnet_core.scene.world_lights import WorldLights, write_world_lights
 from mpsnet_core.synthesis.job import SampleJob, write_job
 from mpsnet_core.synthesis.sample import write_sample
 
