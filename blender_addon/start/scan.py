@@ -138,9 +138,7 @@ class MPS_OT_scan(RunsSteps, bpy.types.Operator):
                 look_at(context, middle_of(target), _AWAY * max(target.dimensions), camera.matrix_world.to_quaternion())
             if scene.mps.relight.lamp is None:
                 run_operator(bpy.ops.mps.relight)
-        self.tell(
-            "The object has the photo's normals as its texture. Before / After in 4 Bake compares, Relight stops the lamp"
-        )
+        self.tell("The object shows the photo's normals. Before / After in 4 Bake compares; Relight stops the lamp")
 
 
 class MPS_FH_scan(bpy.types.FileHandler):

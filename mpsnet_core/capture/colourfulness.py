@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mpsnet_core.arrays.block_means import block_means
+from mpsnet_core.arrays.resampling import block_means
 
 # The photo's longer side is reduced to about this many pixels: noise averages out.
 _SIDE = 256
