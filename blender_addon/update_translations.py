@@ -18,6 +18,7 @@ from babel.messages.pofile import read_po, write_po
 
 import blender_addon
 import mpsnet_core
+from blender_addon.bake.before_after import KEYS, PARTS
 from blender_addon.manual import groups, operators, shown
 from blender_addon.panels.lights import NO_RIG
 from blender_addon.panels.models import NAMES as NAMES_OF_MODELS
@@ -39,6 +40,7 @@ _ROOMS = ("arrays", "bake", "calibrate", "capture", "estimate", "io", "relief", 
 _WIDTH = 120
 # What the code hands to the panel in variables.
 _IN_VARIABLES = {
+    *(*PARTS, KEYS, "Faces", "Normals"),
     *(*NAMES_OF_MODELS.values(), CHANNEL, UNEXPLAINED, *COLOURS, "Slant", "Tilt"),
     *(kind.word for kind in Kind),
     *(NO_RIG, *(word for word, _ in LIGHTS.values())),

@@ -210,5 +210,16 @@ def _swing_on(*_: Any) -> None:
         bpy.app.timers.register(_swing)
 
 
+def pause() -> None:
+    """Let the lamp stand still until :func:`resume`: what hides it need not be drawn again."""
+    if bpy.app.timers.is_registered(_swing):
+        bpy.app.timers.unregister(_swing)
+
+
+def resume() -> None:
+    """Let the lamp swing on, if there is one."""
+    _swing_on()
+
+
 HANDLERS = {"load_post": _swing_on}
 TIMERS = (_swing,)

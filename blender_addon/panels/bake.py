@@ -8,6 +8,7 @@ from mpsnet_core.errors import InputError
 from ..bake.bake import NO_CAMERA, POOR_FIT
 from ..bake.bake_operator import check_shows_normals
 from ..bake.base_maps import usable_maps
+from ..bake.before_after import comparing
 from ..bake.coverage import hides_materials
 from ..bake.texture_sets import BakeTarget, with_tokens
 from ..bake.unwrap import lacks_uvs
@@ -55,7 +56,8 @@ class MPS_PT_bake(Step):
             row.operator("mps.show_coverage", icon="OVERLAY", depress=bool(bake.overlays))
             if not lit:
                 self.column(context.scene.mps.relight, "neutral")
-            for verb in ("relight", "show_coverage"):
+            self.layout.operator("mps.before_after", icon="SPLIT_VERTICAL", depress=comparing())
+            for verb in ("relight", "show_coverage", "before_after"):
                 self.failure(context.scene, verb)
         self.picture(bake.image)
 

@@ -72,6 +72,7 @@ class MPS_PT_photo(Step):
         size.prop(photo, "height")
         notes = [note for verb in ("render_photo", "render_truth") for note in notes_of(context.scene, verb)]
         column.prop(photo, "samples")
+        column.prop(photo, "white")
         if any(SCRIPTS_OFF in note for note in notes) or bpy.app.autoexec_fail:
             column.prop(context.window_manager.mps, "run_scripts")
         self.progress_or(context, "render_photo", "RENDER_STILL")

@@ -33,7 +33,7 @@ from ..settings.photo import PhotoSettings
 from ..settings.superpose import SuperposeSettings
 from .background_render import rendering_blender, written_job
 from .camera import PLACES, places_of
-from .studio import RenderKind, objects_in_photo, render, scene_facts
+from .studio import RenderKind, objects_in_photo, render, scene_facts, white_of
 
 _LIGHTS = ("first", "second", "third")
 
@@ -120,6 +120,11 @@ class MPS_OT_render_photo(OnEachRig, _Renders, PhotoSettings, bpy.types.Operator
         image = load_photo(Path(result["output"]), "MPS Photo Frames" if self._moves else "MPS Photo")
         remember(image, PLACES, self._places)
         _set_photo(rig, image)
+        white = str(white_of(Path(result["output"])))
+        if self.white and not self._moves:
+            rig.estimate.white, rig.estimate.albedo = white, True
+        elif rig.estimate.white == white:
+            rig.estimate.property_unset("white")
         if self._moves:
             image.source = "SEQUENCE"
         self.made(image)
@@ -157,7 +162,7 @@ class MPS_OT_open_photo(ReportingOperator, bpy.types.Operator):
             raise InputError("no photo was named; give its path as filepath")
         path = Path(bpy.path.abspath(self.filepath))
         remember_folder(self.filepath)
-        image = load_photo(path, path.stem) if _is_shown_as_read(path) else load_converted(path)
+        image = load_any_photo(path)
         if self.sequence and path.suffix.lower() not in VIDEO_SUFFIXES:
             frame_pattern(path)  # raises without a frame number
             image.source = "SEQUENCE"
@@ -238,6 +243,11 @@ def _is_shown_as_read(path: Path) -> bool:
     if suffix in (*RAW_SUFFIXES, *HEIF_SUFFIXES):
         return False
     return suffix not in IMAGE_SUFFIXES or read_orientation(path) == 1
+
+
+def load_any_photo(path: Path) -> bpy.types.Image:
+    """An image that shows a photo as the core reads it."""
+    return load_photo(path, path.stem) if _is_shown_as_read(path) else load_converted(path)
 
 
 def load_converted(path: Path) -> bpy.types.Image:

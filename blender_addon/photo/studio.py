@@ -43,6 +43,11 @@ _SAME_PLACE = 0.1
 RenderKind = Literal["photo", "frames", "normals"]
 
 
+def white_of(photo: Path) -> Path:
+    """The file of the white photo that is rendered with a photo."""
+    return photo.with_name(f"{photo.stem}_white{photo.suffix}")
+
+
 def no_render_progress(done: int, renders: int, words: str) -> None:
     """Ignore the progress of renders."""
 
@@ -76,6 +81,8 @@ def render_photo(scene: Any, path: Path, progress: RenderProgress = no_render_pr
     :func:`.image_records.sidecar`. Nothing in the .blend file changes. The bake's target is left out if another object
     is at the same place.
 
+    With its setting `white`, the white photo is written beside it.
+
     facts: what the photo depends on apart from the rig, the camera and the settings, see :func:`scene_facts`. A photo
     that an earlier run made from the same is kept. "" if they are unknown.
 
@@ -91,12 +98,16 @@ def render_photo(scene: Any, path: Path, progress: RenderProgress = no_render_pr
         notes = [*_leave_target_out(studio, scene.mps.bake), *_out_of_focus(camera.evaluated_get(depsgraph))]
         _refuse_other_light(studio)
         studio.cycles.samples = photo.samples
-        files = [path, sidecar(path, "rig"), sidecar(path, "camera")]
+        white = [white_of(path)] if photo.white and not photo.animation else []
+        files = [path, sidecar(path, "rig"), sidecar(path, "camera"), *white]
         place = f"{scene.frame_current_final} {photo.samples} {sorted(obj.name for obj in studio.objects)}"
         line = f"render {digest(facts, place, repr(rig), repr(taken_by))}" if facts else ""
         if _is_there(path, line):
             return Rendered(path, notes, files, kept=True)
-        parts = _render_lights_apart(studio, lights, folder, progress)
+        parts = _render_lights_apart(studio, lights, folder, progress, len(white))
+        for file in white:
+            progress(len(lights), len(lights) + 1, "rendering under white light")
+            _render_white(studio, lights, file)
         load_openimageio()
         from mpsnet_core.capture.superpose import superpose
         from mpsnet_core.io.image_writing import write_photo
@@ -108,11 +119,16 @@ def render_photo(scene: Any, path: Path, progress: RenderProgress = no_render_pr
     return Rendered(path, notes, files)
 
 
-def _render_lights_apart(studio: Any, lights: Sequence[Any], folder: Path, progress: RenderProgress) -> list[Path]:
-    """Render under each light alone. Each Cycles sample picks one of the lights at random; this avoids that noise."""
+def _render_lights_apart(
+    studio: Any, lights: Sequence[Any], folder: Path, progress: RenderProgress, more: int
+) -> list[Path]:
+    """Render under each light alone. Each Cycles sample picks one of the lights at random; this avoids that noise.
+
+    more: number of renders that follow, for the progress.
+    """
     parts = [folder / f"{number}.exr" for number in range(len(lights))]
     for number, (light, part) in enumerate(zip(lights, parts, strict=True)):
-        progress(number, len(lights), f"rendering light {number + 1} of {len(lights)}")
+        progress(number, len(lights) + more, f"rendering light {number + 1} of {len(lights)}")
         others = [other for other in lights if other != light]
         for other in others:
             studio.collection.objects.unlink(other)
@@ -120,6 +136,20 @@ def _render_lights_apart(studio: Any, lights: Sequence[Any], folder: Path, progr
         for other in others:
             studio.collection.objects.link(other)
     return parts
+
+
+def _render_white(studio: Any, lights: Sequence[Any], path: Path) -> None:
+    """Render under copies of the lights that are white."""
+    copies = [light.copy() for light in lights]
+    try:
+        for light, copy in zip(lights, copies, strict=True):
+            copy.data = light.data.copy()
+            copy.data.color = (1, 1, 1)
+            studio.collection.objects.unlink(light)
+            studio.collection.objects.link(copy)
+        _render(studio, path, "OPEN_EXR")
+    finally:
+        bpy.data.batch_remove([*(copy.data for copy in copies), *copies])
 
 
 def _is_there(path: Path, line: str) -> bool:

@@ -22,6 +22,11 @@ class PhotoSettings:
         default=32,
         within=(1, 65536),
     )
+    white: BoolSetting(
+        "White Photo",
+        "Render a second photo, with the three lights turned white. The estimate uses it, and makes the surface's "
+        "colour of it as well",
+    )
     animation: BoolSetting(
         "Animation",
         "Take a photo of each frame of the scene, from its first to its last, into a folder. "

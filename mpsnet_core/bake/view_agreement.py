@@ -156,7 +156,7 @@ def _rounded(value: float) -> float | None:
 
 # Pixels that are compared on the longer side.
 PIXELS = 256
-TOGETHER = "check that camera, photo and mesh belong together, and the mesh's axes and unit (--up, --unit)"
+TOGETHER = Note("check that camera, photo and mesh belong together, and the mesh's axes and unit (--up, --unit)")
 # A mask that covers more of the image has no outline to compare.
 WHOLE_IMAGE = 0.95
 # A mesh that covers less of a view than this is too small to be meant.
@@ -225,15 +225,13 @@ def warn_of_misfit(name: str, view: View, mesh: Mesh, scene: RayScene) -> None:
     remedy = _remedy(found, view, mesh, scene)
     if not (remedy or found.poor):
         return
-    covered = f"{100 * found.covered:.2g}%" if found.covered < 0.1 else f"{found.covered:.0%}"
     log.warning(
         "view %s does not fit the mesh, which covers %s of what the view shows, with normals that differ by %.0f° "
         "(median): %s [misfit-view]",
         name,
         f"{100 * found.covered:.2g}%" if found.covered < 0.1 else f"{found.covered:.0%}",
         found.degrees,
-        remedy
-        or Note("check that camera, photo and mesh belong together, and the mesh's axes and unit (--up, --unit)"),
+        remedy or TOGETHER,
     )
 
 

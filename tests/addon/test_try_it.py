@@ -9,6 +9,7 @@ import bpy
 import numpy as np
 import pytest
 
+from blender_addon.bake.before_after import textures_of
 from blender_addon.images import pixels_of
 from mpsnet_core.arrays.unit_vectors import angular_error
 from mpsnet_core.io.image import linear_to_srgb
@@ -47,6 +48,8 @@ def test_the_demo_needs_no_file_and_leaves_the_other_scene_alone(demo):
     assert low.name == "Demo Low Poly" and low.visible_get() and not low.hide_render
     assert not bpy.data.objects["Demo Detailed"].visible_get()
     assert np.ptp(pixels_of(images[2])[..., :2]) > 0.5  # relief, not a flat blue
+    colours = pixels_of(textures_of(low)["albedo"])[..., :3]
+    assert min(np.ptp(colours[..., 0] - colours[..., 2]), np.ptp(colours)) > 0.3  # gold and blue
 
 
 @pytest.mark.accuracy

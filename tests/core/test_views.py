@@ -431,7 +431,7 @@ BAD: dict[str, tuple[Callable[[Table], list[Any]], str]] = {
     ),
     "a level that is none": (
         lambda t: ["--level", "much"],
-        r"--level much is not known; give auto, on, off, or a scale",
+        r"--level much is not known; give auto",
     ),
     "an output over the rig": (lambda t: ["--json", t / "rig.json"], r"would overwrite .*rig.json"),
 }
