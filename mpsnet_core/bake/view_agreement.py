@@ -83,7 +83,8 @@ class Agreement:
         before, after = (_angles_to_the_others([samples[place] for samples in self._samples]) for place in (0, 1))
         seen = [float((levelled[:, 3] > 0).mean()) for _, levelled in self._samples]
         names, levels = zip(*self._views, strict=True)
-        known = zip(names, seen, levels, before, after, gains or [None] * len(seen), strict=True)
+        of_colours: Sequence[Sequence[float] | None] = gains or [None] * len(seen)
+        known = zip(names, seen, levels, before, after, of_colours, strict=True)
         return [ViewAgreement(*facts) for facts in known]
 
 
@@ -155,6 +156,7 @@ def _rounded(value: float) -> float | None:
 
 # Pixels that are compared on the longer side.
 PIXELS = 256
+TOGETHER = Note("check that camera, photo and mesh belong together, and the mesh's axes and unit (--up, --unit)")
 # A mask that covers more of the image has no outline to compare.
 WHOLE_IMAGE = 0.95
 # A mesh that covers less of a view than this is too small to be meant.
@@ -212,9 +214,6 @@ def view_fit(view: View, camera: Camera, mesh: Mesh, scene: RayScene) -> ViewFit
     return ViewFit(len(normals) / len(row), float(np.degrees(np.median(np.arccos(cosine)))), explained, outlined)
 
 
-_BELONG = Note("check that camera, photo and mesh belong together, and the mesh's axes and unit (--up, --unit)")
-
-
 def warn_of_misfit(name: str, view: View, mesh: Mesh, scene: RayScene) -> None:
     """Warn if a mesh does not fit a view, or would fit far better with another axis up or in another unit."""
     found = view_fit(view, view.camera, mesh, scene)
@@ -223,14 +222,11 @@ def warn_of_misfit(name: str, view: View, mesh: Mesh, scene: RayScene) -> None:
     remedy = _remedy(found, view, mesh, scene)
     if not (remedy or found.poor):
         return
+    covered = f"{100 * found.covered:.2g}%" if found.covered < 0.1 else f"{found.covered:.0%}"
     log.warning(
         "view %s does not fit the mesh, which covers %s of what the view shows, with normals that differ by %.0f° "
         "(median): %s [misfit-view]",
-        name,
-        f"{100 * found.covered:.2g}%" if found.covered < 0.1 else f"{found.covered:.0%}",
-        found.degrees,
-        remedy
-        or Note("check that camera, photo and mesh belong together, and the mesh's axes and unit (--up, --unit)"),
+        *(name, covered, found.degrees, remedy or TOGETHER),
     )
 
 
