@@ -18,7 +18,6 @@ from babel.messages.pofile import read_po, write_po
 
 import blender_addon
 import mpsnet_core
-from blender_addon.bake.before_after import KEYS, PARTS
 from blender_addon.manual import groups, operators, shown
 from blender_addon.panels.lights import NO_RIG
 from blender_addon.panels.models import NAMES as NAMES_OF_MODELS
@@ -40,7 +39,6 @@ _ROOMS = ("arrays", "bake", "calibrate", "capture", "estimate", "io", "relief", 
 _WIDTH = 120
 # What the code hands to the panel in variables.
 _IN_VARIABLES = {
-    *(*PARTS, KEYS, "Faces", "Normals"),
     *(*NAMES_OF_MODELS.values(), CHANNEL, UNEXPLAINED, *COLOURS, "Slant", "Tilt"),
     *(kind.word for kind in Kind),
     *(NO_RIG, *(word for word, _ in LIGHTS.values())),
@@ -81,10 +79,7 @@ def drawn(file: Path) -> Iterator[str]:
 def noted(file: Path) -> Iterator[str]:
     """The templates of a file's notes: what it logs, if it is the core's, and what it makes notes of."""
     tree = ast.parse(file.read_text(encoding="utf-8"))
-    assigned: dict[str, list[ast.expr]] = {}
-    for one in ast.walk(tree):
-        if isinstance(one, ast.Assign) and isinstance(one.targets[0], ast.Name):
-            assigned.setdefault(one.targets[0].id, []).append(one.value)
+    assigned = [one for one in ast.walk(tree) if isinstance(one, ast.Assign | ast.AugAssign)]
 
     def texts(said: ast.expr) -> list[str]:
         if isinstance(said, ast.Constant):
@@ -92,8 +87,16 @@ def noted(file: Path) -> Iterator[str]:
         if isinstance(said, ast.IfExp):
             return texts(said.body) + texts(said.orelse)
         if isinstance(said, ast.BinOp):
-            return [left + right for left in texts(said.left) for right in texts(said.right)]
-        return [text for value in assigned.get(getattr(said, "id", ""), ()) for text in texts(value)]
+            return [begin + end for begin in texts(said.left) for end in texts(said.right)]
+        if not isinstance(said, ast.Name):
+            return []
+        found = [""]
+        for one in sorted(assigned, key=lambda one: one.lineno):  # the last one before it, and what is added to that
+            target = one.targets[0] if isinstance(one, ast.Assign) else one.target
+            if isinstance(target, ast.Name) and target.id == said.id and one.lineno < said.lineno:
+                begun = [""] if isinstance(one, ast.Assign) else found
+                found = [begin + end for begin in begun for end in texts(one.value)]
+        return [text for text in found if text]
 
     for call in ast.walk(tree):
         if isinstance(call, ast.Call) and call.args:

@@ -226,7 +226,7 @@ class RunsCore(ReportingOperator):
         if context.window_manager.mps.cancel or (event.type == "ESC" and event.value == "PRESS"):
             self.cancel(context)
             self.tell("Cancelled")
-            return self._ended()
+            return self._ended() | {"PASS_THROUGH"}  # Esc ends what began it, too, as the picking of points
         if event.type != "TIMER":
             return {"PASS_THROUGH"}
         job, process = self._job, self._job.process

@@ -214,9 +214,6 @@ def view_fit(view: View, camera: Camera, mesh: Mesh, scene: RayScene) -> ViewFit
     return ViewFit(len(normals) / len(row), float(np.degrees(np.median(np.arccos(cosine)))), explained, outlined)
 
 
-_BELONG = Note("check that camera, photo and mesh belong together, and the mesh's axes and unit (--up, --unit)")
-
-
 def warn_of_misfit(name: str, view: View, mesh: Mesh, scene: RayScene) -> None:
     """Warn if a mesh does not fit a view, or would fit far better with another axis up or in another unit."""
     found = view_fit(view, view.camera, mesh, scene)
@@ -225,13 +222,11 @@ def warn_of_misfit(name: str, view: View, mesh: Mesh, scene: RayScene) -> None:
     remedy = _remedy(found, view, mesh, scene)
     if not (remedy or found.poor):
         return
+    covered = f"{100 * found.covered:.2g}%" if found.covered < 0.1 else f"{found.covered:.0%}"
     log.warning(
         "view %s does not fit the mesh, which covers %s of what the view shows, with normals that differ by %.0f° "
         "(median): %s [misfit-view]",
-        name,
-        f"{100 * found.covered:.2g}%" if found.covered < 0.1 else f"{found.covered:.0%}",
-        found.degrees,
-        remedy or TOGETHER,
+        *(name, covered, found.degrees, remedy or TOGETHER),
     )
 
 

@@ -56,14 +56,14 @@ def warn_of_transfer_curve(name: str, assumed: Assumed, *, decided: bool) -> Non
     if decided:
         log.warning(
             "%s does not state its colour encoding and was READ AS %s, because read as %s its normals would fit no "
-            "single surface; if it is %s, set the encoding to %s (--encoding) [transfer-curve]",
-            *(name, likely, usual, usual, assumed),
+            "single surface; if it is %s, set the encoding to %s (--encoding %s) [transfer-curve]",
+            *(name, likely, usual, usual, assumed, assumed),
         )
     else:
         log.warning(
             "%s does not state its colour encoding and was read as %s, but MAY BE %s; if so, set the encoding to %s "
-            "(--encoding): the wrong curve turns normals by ten degrees and more [transfer-curve]",
-            *(name, usual, likely, other),
+            "(--encoding %s): the wrong curve turns normals by ten degrees and more [transfer-curve]",
+            *(name, usual, likely, other, other),
         )
 
 

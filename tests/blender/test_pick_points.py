@@ -73,6 +73,10 @@ def seen(found):
 
 def test_places_are_clicked_in_turn_moved_deleted_and_taken_back(picking, album, tmp_path):
     window, stands = picking
+
+    def places():  # without the residuals: four pairs at rest align the photo by themselves
+        return [pair[:2] for pair in stands()["pairs"]]
+
     found = stands()
     assert found["areas"].count("IMAGE_EDITOR") == 1
     pixels, points = found["pixels"], seen(found)
@@ -90,15 +94,15 @@ def test_places_are_clicked_in_turn_moved_deleted_and_taken_back(picking, album,
 
     window.input("mousemove", *map(round, pixels[0][1]), "sleep", "0.2", "mousedown", 1, "sleep", "0.2")
     window.input("mousemove", *(round(at + 20) for at in pixels[0][1]), "sleep", "0.3", "mouseup", 1, "sleep", "0.3")
-    moved = stands()["pairs"]
-    assert np.linalg.norm(np.subtract(moved[0][0], picked[0][0])) > 5 and moved[1:] == picked[1:]
+    moved = places()
+    assert np.linalg.norm(np.subtract(moved[0][0], picked[0][0])) > 5 and moved[1:] == [pair[:2] for pair in picked[1:]]
 
     window.input("key", "ctrl+z", "sleep", "0.5")  # of the half pair
-    assert stands()["pairs"] == moved
+    assert places() == moved
     window.input("key", "ctrl+z", "sleep", "0.5")
-    assert stands()["pairs"] == moved[:3]
+    assert places() == moved[:3]
     window.input("mousemove", *map(round, points[1][1]), "sleep", "0.3", "key", "x", "sleep", "0.5")
-    assert stands()["pairs"] == [moved[0], moved[2]]
+    assert places() == [moved[0], moved[2]]
     assert "Cube" in window.state["objects"]
 
 
