@@ -91,6 +91,8 @@ def noted(file: Path) -> Iterator[str]:
             return [said.value] if isinstance(said.value, str) else []
         if isinstance(said, ast.IfExp):
             return texts(said.body) + texts(said.orelse)
+        if isinstance(said, ast.BinOp):
+            return [left + right for left in texts(said.left) for right in texts(said.right)]
         return [text for value in assigned.get(getattr(said, "id", ""), ()) for text in texts(value)]
 
     for call in ast.walk(tree):

@@ -4,7 +4,7 @@ python examples/train_lights.py --samples FOLDER [--samples FOLDER ...] --valida
 
 The samples are those of `mpsnet synthesize`; 128 pixels a side suffice. It takes about half an hour on one core, and
 goes on from lights.onnx.checkpoint. It needs pip install '.[train]'. Measure the printed "within 2" on the held-out
-samples, and set ERROR_SCALE in mpsnet_core/estimate/lights/network.py so that it is 0.95.
+samples, and set ERROR_SCALE in mpsnet_core/estimate/lights/find.py so that it is 0.95.
 """
 
 import argparse
@@ -21,7 +21,7 @@ from torch.nn import functional
 
 from mpsnet_core.arrays.unit_vectors import normalised
 from mpsnet_core.errors import InputError
-from mpsnet_core.estimate.lights.crops import SIDE, crops, into_views
+from mpsnet_core.estimate.lights.find import SIDE, crops, into_views
 from mpsnet_core.learning.training.packed import PackedSamples
 from mpsnet_core.learning.training.photo_simulation import simulate_photo
 from mpsnet_core.synthesis.capture_model import CaptureModel

@@ -23,8 +23,8 @@ from mpsnet_core.calibrate.mixing import mixing_from_ball as mixing_from_ball
 from mpsnet_core.calibrate.operations import CalibrateLights as CalibrateLights
 from mpsnet_core.calibrate.operations import CalibrateMixing as CalibrateMixing
 from mpsnet_core.capture.capture import Capture as Capture
-from mpsnet_core.capture.correction import Correction as Correction
-from mpsnet_core.capture.correction import read_correction as read_correction
+from mpsnet_core.capture.decode import Correction as Correction
+from mpsnet_core.capture.decode import read_correction as read_correction
 from mpsnet_core.capture.masks import find_mask as find_mask
 from mpsnet_core.capture.open import read_capture as read_capture
 from mpsnet_core.capture.operations import Check as Check

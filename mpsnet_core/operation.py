@@ -1,7 +1,7 @@
 """Operations: everything that a user can run, each described once.
 
 An operation is a frozen dataclass. Its inputs, outputs and settings are fields made by :func:`option`. It is the Python
-API. The command line (:mod:`mpsnet_core.cli.operations`) and the add-on's settings
+API. The command line (:mod:`mpsnet_core.cli.arguments`) and the add-on's settings
 (``blender_addon/settings/declared.py``) are generated from it.
 """
 
@@ -11,15 +11,30 @@ import functools
 import inspect
 import math
 import os
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextvars import ContextVar
 from dataclasses import dataclass, field
 from numbers import Integral, Real
 from types import UnionType
-from typing import Any, ClassVar, Literal, Union, dataclass_transform, get_args, get_origin, get_type_hints
+from typing import (
+    TYPE_CHECKING,
+    Any,
+    ClassVar,
+    Literal,
+    TypeVar,
+    Union,
+    dataclass_transform,
+    get_args,
+    get_origin,
+    get_type_hints,
+)
 
 from mpsnet_core.errors import SettingsError, check_choice
 from mpsnet_core.progress import Bar, Progress, can_show_bar, silent
+
+if TYPE_CHECKING:
+    from _typeshed import DataclassInstance
+
 
 # What the provenance of a result records of an option: its value, a hash of the file that it names, the names and
 # hashes of the files that it names, or nothing. It applies to each value of an option that takes several.
@@ -97,11 +112,15 @@ def option(
     high: float | None = None,
     unset: str = "",
     path: PathKind = "",
-    provenance: Provenance = "value",
+    provenance: Provenance | None = None,
     numbers: bool = False,
 ) -> Any:
-    """A field of an operation, required if it has no default. See :class:`Option` for the parameters."""
-    described = Option(help, positional, metavar, choices or {}, low, high, unset, path, provenance, numbers)
+    """A field of an operation, required if it has no default. See :class:`Option` for the parameters.
+
+    provenance: by default a file's content, and any other value as it is.
+    """
+    recorded: Provenance = provenance or ("content" if path == "file" else "value")
+    described = Option(help, positional, metavar, choices or {}, low, high, unset, path, recorded, numbers)
     return field(default=default, kw_only=True, metadata={_METADATA: described})
 
 
@@ -381,3 +400,67 @@ def _check(setting: Setting, value: Any) -> None:
 
 def _number(value: float) -> str:
     return f"{value:g}" if isinstance(value, float) else str(value)
+
+
+# --- operations as JSON, as a child process receives them: ``{"operation": "mask", "options": {"image": ...}}`` -------
+
+
+Facts = TypeVar("Facts", bound="DataclassInstance")
+
+# Numbers of this magnitude or above, infinity and NaN are rejected: no option takes them.
+LARGEST = 2**63
+
+_WORDS = {str: "a text", int: "a whole number", float: "a number", bool: "true or false"}
+
+
+def to_json(operation: Operation) -> dict[str, Any]:
+    """The operation with the options that are not at their defaults."""
+    given = [(setting, getattr(operation, setting.name)) for setting in settings(type(operation))]
+    options = {setting.name: value for setting, value in given if value != setting.default}
+    return {"operation": operation.command, "options": options}
+
+
+def from_json(request: Mapping[str, Any], kinds: Iterable[type[Operation]]) -> Operation:
+    """The operation that :func:`to_json` described, which must be one of `kinds`.
+
+    Raises
+    ------
+    SettingsError
+        If the operation is unknown, an option is missing, unknown or of the wrong type, or the operation rejects it.
+    """
+    command, options = request.get("operation", ""), request.get("options", {})
+    commands = {kind.command: kind for kind in kinds}
+    check_choice("operation", command, tuple(commands))
+    if not isinstance(options, dict) or not request.keys() <= {"operation", "options"}:
+        raise SettingsError(f"the request for {command} holds more than its options; send operation and options alone")
+    kind = commands[command]
+    known = {setting.name: setting for setting in settings(kind)}
+    for name in options:
+        check_choice(f"option of {command}", name, known)
+    for name, setting in known.items():
+        if setting.required and name not in options:
+            raise SettingsError(f"{command} lacks its option {name}; give it")
+    return kind(**{name: _value(command, known[name], value) for name, value in options.items()})
+
+
+def from_facts(kind: type[Facts], facts: Mapping[str, Any]) -> Facts:
+    """A record of a result again from its JSON, which leaves out what is None: see :meth:`.Result.facts`."""
+    return kind(**{one.name: facts.get(one.name) for one in dataclasses.fields(kind)})
+
+
+def _value(command: str, setting: Setting, value: Any) -> Any:
+    if value is None and setting.default is None:
+        return None
+    if not setting.several:
+        values = [value]
+    elif isinstance(value, list) and (value or not setting.required):
+        values = value
+    else:
+        raise SettingsError(f"{setting.name} of {command} must be a list of values, not {value!r}; give one or more")
+    kinds = (int, float) if setting.kind is float else (setting.kind,)
+    for one in values:
+        # As on the command line, text is neither empty nor holds a null character.
+        sound = type(one) in kinds and (one and "\0" not in one if kinds == (str,) else -LARGEST < one < LARGEST)
+        if not sound:
+            raise SettingsError(f"{setting.name} of {command} must be {_WORDS[setting.kind]}, not {one!r}")
+    return tuple(values) if setting.several else value

@@ -4,7 +4,8 @@ import sys
 import threading
 import time
 from collections.abc import Callable
-from typing import Any
+from types import CodeType, FrameType
+from typing import Any, TypeVar
 
 # Called with the fraction done (0 to 1) and the current activity. It raises Cancelled to stop the work.
 Progress = Callable[[float, str], None]
@@ -91,3 +92,22 @@ class Lines:
 def shown_progress() -> Bar | Lines:
     """A bar where somebody watches, else lines."""
     return Bar() if can_show_bar() else Lines()
+
+
+# --- functions that signals must not interrupt, such as those that clean up -------------------------------------------
+
+
+Function = TypeVar("Function", bound=Callable[..., object])
+
+_CODES: set[CodeType] = set()
+
+
+def uninterrupted(function: Function) -> Function:
+    """Mark a Python function, which must be quick: a signal handler that asks :func:`is_uninterrupted` waits for it."""
+    _CODES.add(function.__code__)
+    return function
+
+
+def is_uninterrupted(frame: FrameType) -> bool:
+    """Whether a frame runs a function that is marked. Its callers are other frames."""
+    return frame.f_code in _CODES

@@ -11,8 +11,7 @@ from mpsnet_core.bake.map_list import write_map_list
 from mpsnet_core.bake.operations import WrittenTexture
 from mpsnet_core.bake.presets import PRESETS, check_preset
 from mpsnet_core.errors import InputError, Note
-from mpsnet_core.operation import Operation
-from mpsnet_core.operation_json import from_facts
+from mpsnet_core.operation import Operation, from_facts
 from mpsnet_core.scene.texture_names import albedo_file
 
 from ..appearance.shader_graph import normal_inputs, uses_nodes
@@ -234,7 +233,9 @@ def bake_target(target: Any, begun: BegunMesh) -> BakeTarget:
 
 def low_frequencies(settings: Any) -> str:
     """The core's option for the size above which shapes come from the mesh instead of the photo."""
-    return f"{settings.level_scale:g}" if settings.level else "off"
+    if settings.level:
+        return f"{settings.level_scale:g}"
+    return "auto" if getattr(settings, "agreed", False) else "off"
 
 
 def target_provenance(settings: Any) -> Provenance:

@@ -20,8 +20,7 @@ from mpsnet_core.cli import EXIT_BAD_INPUT, EXIT_CANCELLED
 from mpsnet_core.errors import Cancelled, InputError
 from mpsnet_core.io.child_process import CANCEL_SECONDS, ChildEnded, ChildProcess, child_environment
 from mpsnet_core.io.files import VIDEO_DECODER, remove_unfinished
-from mpsnet_core.operation import Operation
-from mpsnet_core.operation_json import to_json
+from mpsnet_core.operation import Operation, to_json
 
 from ..preferences import PACKAGE
 

@@ -1,7 +1,7 @@
 """Frames of a video for the core, decoded by a Blender without a window: the extension ships no FFmpeg.
 
 Blender's sequencer returns any frame of a movie with its stored values. `decoder_command` is for the Blender with the
-panel, `decode_video` for the one that decodes, see :mod:`mpsnet_core.estimate.sequence.video_decoder`.
+panel, `decode_video` for the one that decodes, see :mod:`mpsnet_core.estimate.sequence.video`.
 """
 
 import contextlib

@@ -40,17 +40,19 @@ def show_image(context: Any, image: bpy.types.Image, mode: str = "VIEW") -> None
     """Show an image in an Image Editor, which opens in a window of its own where the viewport has no room for it."""
     if context.window is None or bpy.app.background:
         return
+    window = context.window
     try:
         area = image_editor(context)
     except InputError:
         bpy.ops.wm.window_new()
-        area = context.window_manager.windows[-1].screen.areas[0]
+        window = context.window_manager.windows[-1]
+        area = window.screen.areas[0]
         area.type = "IMAGE_EDITOR"
     space = area.spaces.active
     space.image, space.ui_mode = image, mode
     space.uv_editor.show_uv = False  # a photo has no UVs
     region = next((region for region in area.regions if region.type == "WINDOW"), None)
-    with bpy.context.temp_override(area=area, region=region), suppress(RuntimeError):
+    with bpy.context.temp_override(window=window, area=area, region=region), suppress(RuntimeError):
         bpy.ops.image.view_all(fit_view=True)
 
 

@@ -55,6 +55,8 @@ class MPS_PT_bake(Step):
             row.operator("mps.relight", icon="LIGHT_SUN", depress=lit)
             row.operator("mps.show_coverage", icon="OVERLAY", depress=bool(bake.overlays))
             self.layout.operator("mps.before_after", icon="SPLIT_VERTICAL", depress=comparing())
+            if not lit:
+                self.column(context.scene.mps.relight, "neutral")
             for verb in ("relight", "show_coverage", "before_after"):
                 self.failure(context.scene, verb)
         self.picture(bake.image)
@@ -167,4 +169,4 @@ class MPS_PT_detail(Step):
         bake = context.scene.mps.bake
         self.column().prop(bake, "strength", slider=True)
         onto = (bake.onto and name for name in ("onto_file", bake.onto_file and "onto_convention", "onto_shown"))
-        self.column(bake, "level", bake.level and "level_scale", "onto", *onto, onto_file="The material's")
+        self.column(bake, "level", "level_scale" if bake.level else "agreed", "onto", *onto, onto_file="The material's")

@@ -83,7 +83,8 @@ class Agreement:
         before, after = (_angles_to_the_others([samples[place] for samples in self._samples]) for place in (0, 1))
         seen = [float((levelled[:, 3] > 0).mean()) for _, levelled in self._samples]
         names, levels = zip(*self._views, strict=True)
-        known = zip(names, seen, levels, before, after, gains or [None] * len(seen), strict=True)
+        of_colours: Sequence[Sequence[float] | None] = gains or [None] * len(seen)
+        known = zip(names, seen, levels, before, after, of_colours, strict=True)
         return [ViewAgreement(*facts) for facts in known]
 
 
@@ -155,6 +156,7 @@ def _rounded(value: float) -> float | None:
 
 # Pixels that are compared on the longer side.
 PIXELS = 256
+TOGETHER = "check that camera, photo and mesh belong together, and the mesh's axes and unit (--up, --unit)"
 # A mask that covers more of the image has no outline to compare.
 WHOLE_IMAGE = 0.95
 # A mesh that covers less of a view than this is too small to be meant.
@@ -223,6 +225,7 @@ def warn_of_misfit(name: str, view: View, mesh: Mesh, scene: RayScene) -> None:
     remedy = _remedy(found, view, mesh, scene)
     if not (remedy or found.poor):
         return
+    covered = f"{100 * found.covered:.2g}%" if found.covered < 0.1 else f"{found.covered:.0%}"
     log.warning(
         "view %s does not fit the mesh, which covers %s of what the view shows, with normals that differ by %.0f° "
         "(median): %s [misfit-view]",

@@ -3,9 +3,10 @@
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from mpsnet_core.arrays.statistics import biweight, deviation
+from mpsnet_core.arrays.types import F64, Bools
 from mpsnet_core.arrays.unit_vectors import dot, normalised
 from mpsnet_core.errors import GeometryError, SettingsError
 from mpsnet_core.scene.camera import Camera
@@ -35,7 +36,7 @@ class Circle:
         if not np.isfinite([self.x, self.y, self.radius]).all() or self.radius <= 0:
             raise SettingsError("a circle is x,y,r: finite numbers of pixels, with a radius above 0")
 
-    def points(self, count: int = HAND_POINTS) -> NDArray[np.float64]:
+    def points(self, count: int = HAND_POINTS) -> F64:
         """(count, 2) evenly spaced points on the circle."""
         turn = 2 * np.pi * np.arange(count) / count
         return np.stack([self.x + self.radius * np.cos(turn), self.y + self.radius * np.sin(turn)], axis=-1)
@@ -45,7 +46,7 @@ class Circle:
 class Ball:
     """A ball in front of a camera."""
 
-    centre: NDArray[np.float64]
+    centre: F64
     """(3,) float64. Position in camera space. With a perspective camera, in the unit of the given radius, else in ball
     radii. With an orthographic camera, in its world unit; the depth is unknown, and z is 0."""
     radius: float
@@ -56,12 +57,12 @@ class Ball:
     """RMS distance of the outline's inliers from the fit, in pixels."""
     seen: float
     """Share of the outline that was found, 0 to 1."""
-    covariance: NDArray[np.float64]
+    covariance: F64
     """(3, 3) float64. Covariance of the outline's centre x, y and radius, in pixels squared."""
     by_hand: bool = False
     """Whether the user drew the outline; residual and seen are then meaningless."""
 
-    def outline(self, count: int = HAND_POINTS) -> NDArray[np.float64]:
+    def outline(self, count: int = HAND_POINTS) -> F64:
         """(count, 2) points of the outline in the photo: a circle, or an ellipse under perspective."""
         turn = 2 * np.pi * np.arange(count) / count
         if self.camera.projection == "orthographic":
@@ -109,12 +110,11 @@ def at_origin(camera: Camera) -> Camera:
     return camera if is_there else replace(camera, world_from_camera=np.eye(4))
 
 
-def projected(camera: Camera, points: ArrayLike) -> NDArray[np.float64]:
+def projected(camera: Camera, points: ArrayLike) -> F64:
     """(N, 2) pixels of camera-space points (N, 3)."""
     x, y, z = np.asarray(points, np.float64).T
     deep = 1.0 if camera.projection == "orthographic" else -z
-    pixels: NDArray[np.float64] = np.stack([x / deep, -y / deep], axis=-1) * camera.focal + camera.centre
-    return pixels
+    return np.stack([x / deep, -y / deep], axis=-1) * camera.focal + camera.centre
 
 
 def fit_ball(points: ArrayLike, camera: Camera, radius: float = 1.0) -> Ball:
@@ -127,7 +127,7 @@ def fit_ball(points: ArrayLike, camera: Camera, radius: float = 1.0) -> Ball:
     suppresses outliers. Raises GeometryError if no ball fits.
     """
     points = np.asarray(points, np.float64)
-    weight: NDArray[np.float64] = np.ones(len(points))
+    weight: F64 = np.ones(len(points))
     for turn in range(ROUNDS):
         centre, size = _solved(points, weight, camera, radius)
         error = _outline_error(points, centre, size, camera)
@@ -153,7 +153,7 @@ def ball_from_circle(circle: Circle, camera: Camera, radius: float = 1.0) -> Bal
     return replace(ball, covariance=HAND_UNCERTAINTY**2 * np.diag([0.5, 0.5, 0.5]), by_hand=True)
 
 
-def ball_from_mask(mask: NDArray[np.bool_], camera: Camera, radius: float = 1.0) -> Ball:
+def ball_from_mask(mask: Bools, camera: Camera, radius: float = 1.0) -> Ball:
     """The ball in a mask (H, W), which may include its mount. Raises GeometryError if no ball fits."""
     rows, columns = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
     if len(rows) < 8 or len(columns) < 8:
@@ -161,20 +161,14 @@ def ball_from_mask(mask: NDArray[np.bool_], camera: Camera, radius: float = 1.0)
     width, height = mask.shape[1], mask.shape[0]
     left, right = mask[rows].argmax(axis=1), width - mask[rows, ::-1].argmax(axis=1)
     top, bottom = mask[:, columns].argmax(axis=0), height - mask[::-1, columns].argmax(axis=0)
-    points = np.concatenate(
-        [
-            np.stack([left, rows + 0.5], axis=-1),
-            np.stack([right, rows + 0.5], axis=-1),
-            np.stack([columns + 0.5, top], axis=-1),
-            np.stack([columns + 0.5, bottom], axis=-1),
-        ]
-    )
+    sides = (left, rows + 0.5), (right, rows + 0.5), (columns + 0.5, top), (columns + 0.5, bottom)
+    points = np.concatenate([np.stack(side, axis=-1) for side in sides])
     # Points on the image border do not belong to the outline.
     x, y = points.T
     return fit_ball(points[(x > 0) & (x < width) & (y > 0) & (y < height)], camera, radius)
 
 
-def surface(ball: Ball, points: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+def surface(ball: Ball, points: ArrayLike) -> tuple[F64, F64, F64]:
     """The ball's surface at points (N, 2) of the photo: position, unit normal and unit direction to the camera.
 
     Each is (N, 3) in camera space. Points outside the outline use the nearest tangent ray.
@@ -190,7 +184,7 @@ def surface(ball: Ball, points: ArrayLike) -> tuple[NDArray[np.float64], NDArray
     return place, normalised(place - ball.centre), -away
 
 
-def mirrored(ball: Ball, points: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def mirrored(ball: Ball, points: ArrayLike) -> tuple[F64, F64]:
     """Position on the ball and mirrored viewing direction at points (N, 2) of the photo; each (N, 3).
 
     The direction is 2 (n·v) n − v, where n is the normal and v the direction to the camera.
@@ -199,9 +193,7 @@ def mirrored(ball: Ball, points: ArrayLike) -> tuple[NDArray[np.float64], NDArra
     return place, 2 * dot(normal, back)[:, None] * normal - back
 
 
-def _solved(
-    points: NDArray[np.float64], weight: NDArray[np.float64], camera: Camera, radius: float
-) -> tuple[NDArray[np.float64], float]:
+def _solved(points: F64, weight: F64, camera: Camera, radius: float) -> tuple[F64, float]:
     if (weight > 0).sum() < 5:
         raise GeometryError(NO_FIT)
     origins, away = at_origin(camera).rays(points)
@@ -221,16 +213,14 @@ def _solved(
     return axis / length * radius / np.sqrt(1 - 1 / length**2), radius
 
 
-def _outline_error(
-    points: NDArray[np.float64], centre: NDArray[np.float64], radius: float, camera: Camera
-) -> NDArray[np.float64]:
+def _outline_error(points: F64, centre: F64, radius: float, camera: Camera) -> F64:
     """(N,) signed distance of points from the ball's outline in pixels, positive outside."""
     origins, away = at_origin(camera).rays(points)
     focal = float(camera.focal.mean())
     if camera.projection == "orthographic":
-        across: NDArray[np.float64] = np.linalg.norm(origins[:, :2] - centre[:2], axis=1) - radius
+        across: F64 = np.linalg.norm(origins[:, :2] - centre[:2], axis=1) - radius
         return across * focal
     distance = np.linalg.norm(centre)
     sine_to_centre = np.linalg.norm(np.cross(away, centre / distance), axis=1)
-    angle: NDArray[np.float64] = np.arcsin(np.clip(sine_to_centre, 0, 1)) - np.arcsin(radius / distance)
+    angle: F64 = np.arcsin(np.clip(sine_to_centre, 0, 1)) - np.arcsin(radius / distance)
     return angle * focal

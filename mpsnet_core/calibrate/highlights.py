@@ -4,10 +4,10 @@ from dataclasses import dataclass, replace
 from itertools import combinations, permutations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mpsnet_core.arrays.mask_regions import dilated, labelled
 from mpsnet_core.arrays.rasterize import extend_to_nearest
+from mpsnet_core.arrays.types import F64, I64, Bools
 from mpsnet_core.arrays.unit_vectors import dot
 from mpsnet_core.calibrate.ball import Ball, surface
 from mpsnet_core.errors import GeometryError
@@ -65,11 +65,11 @@ class _Window:
     """Its first column in the photo."""
     top: int
     """Its first row in the photo."""
-    inside: NDArray[np.bool_]
+    inside: Bools
     """(H, W). Pixels of the ball."""
-    excess: NDArray[np.float64]
+    excess: F64
     """(H, W, 3). Light above what the ball mirrors elsewhere."""
-    clipped: NDArray[np.bool_]
+    clipped: Bools
     """(H, W, 3). Whether it is saturated."""
 
 
@@ -128,9 +128,7 @@ def find_coloured_highlights(photo: Image, ball: Ball) -> tuple[Highlight, Highl
         found.append(replace(spot, colour=_colour(colours[:, light])))
     for a, b in combinations(found, 2):
         if np.hypot(a.x - b.x, a.y - b.y) < 0.5 * min(a.radius, b.radius):
-            raise GeometryError(
-                "two highlights lie at one place, so their lights cannot be told apart; photograph each light alone"
-            )
+            raise GeometryError("two highlights lie at one place; photograph each light alone (--per-light)")
     return found[0], found[1], found[2]
 
 
@@ -151,13 +149,13 @@ def _window(photo: Image, ball: Ball) -> _Window:
     return _Window(left, top, inside, excess, clipped)
 
 
-def _peak(values: NDArray[np.float64]) -> float:
+def _peak(values: F64) -> float:
     """Peak brightness, robust to single hot pixels: the largest mean of 2 x 2 pixels."""
     pairs = (values[:-1, :-1] + values[1:, :-1] + values[:-1, 1:] + values[1:, 1:]) / 4
     return max(float(pairs.max()), 1e-12)
 
 
-def _three_colours(pixels: NDArray[np.float64]) -> NDArray[np.float64] | None:
+def _three_colours(pixels: F64) -> F64 | None:
     """(3, 3) the most different colours of pixels (N, 3), one per column, in the order red, green, blue.
 
     None if they are too similar to assign.
@@ -182,20 +180,17 @@ def _three_colours(pixels: NDArray[np.float64]) -> NDArray[np.float64] | None:
     singular = np.linalg.svd(colours, compute_uv=False)
     if best - second < MIN_MARGIN or singular[-1] < 0.05 * singular[0]:
         return None
-    ordered: NDArray[np.float64] = colours[:, orders[0]]
-    return ordered
+    return colours[:, orders[0]]
 
 
-def _owners(
-    lights: NDArray[np.float64], attributable: NDArray[np.bool_], clipped: NDArray[np.bool_]
-) -> NDArray[np.int64]:
+def _owners(lights: F64, attributable: Bools, clipped: Bools) -> I64:
     """(H, W) index of the light that a clipped pixel belongs to, by its nearest attributable pixel; -1 elsewhere."""
     nearest = np.where(attributable, lights.argmax(axis=-1), -1).astype(np.float32)[..., None]
     nearest = extend_to_nearest(nearest, attributable, max(clipped.shape))
     return np.where(clipped, nearest[..., 0].astype(np.int64), -1)
 
 
-def _highlight(window: _Window, weight: NDArray[np.float64], others: NDArray[np.float64], name: str) -> Highlight:
+def _highlight(window: _Window, weight: F64, others: F64, name: str) -> Highlight:
     """The most likely spot of a light.
 
     weight: (H, W) its brightness, with a maximum of 1. others: (H, W) the same for the other lights. A spot that is
@@ -215,17 +210,12 @@ def _highlight(window: _Window, weight: NDArray[np.float64], others: NDArray[np.
     row, column = (np.average(places, weights=amount) for places in np.nonzero(spot))
     radius = float(np.sqrt((spot & (weight > SPOT)).sum() / np.pi))
     clipped = bool((spot & window.clipped.any(axis=-1)).any())
-    return Highlight(
-        window.left + float(column) + 0.5,
-        window.top + float(row) + 0.5,
-        radius,
-        float(np.hypot((CLIPPED_SHARE if clipped else CENTROID_SHARE) * radius, MIN_UNCERTAINTY)),
-        clipped,
-        float(light[order[1]] / light[order[0]]) if count > 1 else 0.0,
-        _colour(window.excess[spot].sum(axis=0)),
-    )
+    unsure = float(np.hypot((CLIPPED_SHARE if clipped else CENTROID_SHARE) * radius, MIN_UNCERTAINTY))
+    rival = float(light[order[1]] / light[order[0]]) if count > 1 else 0.0
+    x, y = window.left + float(column) + 0.5, window.top + float(row) + 0.5
+    return Highlight(x, y, radius, unsure, clipped, rival, _colour(window.excess[spot].sum(axis=0)))
 
 
-def _colour(values: NDArray[np.float64]) -> tuple[float, float, float]:
+def _colour(values: F64) -> tuple[float, float, float]:
     red, green, blue = values / max(float(values.max()), 1e-12)
     return float(red), float(green), float(blue)

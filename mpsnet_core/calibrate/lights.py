@@ -5,8 +5,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from mpsnet_core.arrays.types import F64
 from mpsnet_core.arrays.unit_vectors import angular_error, normalised
 from mpsnet_core.calibrate.ball import Ball, fit_ball, mirrored
 from mpsnet_core.calibrate.highlights import Highlight
@@ -41,11 +42,11 @@ class Sighting:
     lens_known: bool = True
     """Whether the ball's camera is known. If not, it is assumed to be far away, which may be wrong."""
 
-    def rays(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def rays(self) -> tuple[F64, F64]:
         """Positions on the ball where the lights are mirrored, and unit directions from there to them; each (N, 3)."""
         return mirrored(self.ball, [spot.point for spot in self.highlights])
 
-    def uncertainties(self) -> NDArray[np.float64]:
+    def uncertainties(self) -> F64:
         """(N,) standard deviation of each direction in degrees, propagated from outline and highlight."""
         _, directions = self.rays()
         points = np.array([spot.point for spot in self.highlights])
@@ -57,10 +58,9 @@ class Sighting:
         for shift in ((step, 0.0), (0.0, step)):
             moved = (mirrored(self.ball, points + shift)[1] - directions) / step
             variance += (moved**2).sum(axis=1) * blur**2
-        uncertainties: NDArray[np.float64] = np.degrees(np.sqrt(variance))
-        return uncertainties
+        return np.degrees(np.sqrt(variance))
 
-    def by_lens(self) -> NDArray[np.float64]:
+    def by_lens(self) -> F64:
         """(N,) change of each direction in degrees if the camera had a usual lens; 0 if its lens is known."""
         if self.lens_known:
             return np.zeros(len(self.highlights))
@@ -75,18 +75,18 @@ class LightsFound:
 
     sightings: tuple[Sighting, ...]
     """The balls they were computed from."""
-    directions: NDArray[np.float64]
+    directions: F64
     """(N, 3) float64. Unit vectors to the lights, from the target if lights are near."""
-    uncertainties: NDArray[np.float64]
+    uncertainties: F64
     """(N,) float64. One standard deviation in degrees, including the effect of perspective if the lens is unknown."""
-    target: NDArray[np.float64]
+    target: F64
     """(3,) float64. Centre of the ball, or mean of its places."""
-    positions: NDArray[np.float64] | None = None
+    positions: F64 | None = None
     """(N, 3) float64. Positions in the unit of the balls' radius, if the lights were seen from two places and are near
     enough."""
-    position_uncertainties: NDArray[np.float64] | None = None
+    position_uncertainties: F64 | None = None
     """(N,) float64. One standard deviation of the positions, in the same unit."""
-    gaps: NDArray[np.float64] | None = None
+    gaps: F64 | None = None
     """(N,) float64. RMS distance of the rays to a light from their best intersection, in the same unit."""
 
 
@@ -118,9 +118,7 @@ def find_lights(sightings: Sequence[Sighting]) -> LightsFound:
         raise GeometryError("there is no photo of a mirror ball; give at least one")
     counts = {len(sighting.highlights) for sighting in sightings}
     if len(counts) != 1:
-        raise GeometryError(
-            "the ball's places do not show the same number of lights; give as many photos for each place"
-        )
+        raise GeometryError("the ball's places show different numbers of lights; give as many photos for each")
     origins, rays = (np.stack(parts) for parts in zip(*(sighting.rays() for sighting in sightings), strict=True))
     blur = np.stack([sighting.uncertainties() for sighting in sightings])
     target = np.mean([sighting.ball.centre for sighting in sightings], axis=0)
@@ -128,9 +126,8 @@ def find_lights(sightings: Sequence[Sighting]) -> LightsFound:
     precision = 1 / blur**2
     mean = normalised(np.einsum("pni,pn->ni", rays, precision))
     # The effect of the lens is the same at all places, so averaging does not reduce it.
-    unsure = np.hypot(
-        1 / np.sqrt(precision.sum(axis=0)), np.mean([sighting.by_lens() for sighting in sightings], axis=0)
-    )
+    by_lens = np.mean([sighting.by_lens() for sighting in sightings], axis=0)
+    unsure = np.hypot(1 / np.sqrt(precision.sum(axis=0)), by_lens)
     found = LightsFound(tuple(sightings), mean, unsure, target)
     if len(sightings) == 1:
         return found
@@ -140,9 +137,7 @@ def find_lights(sightings: Sequence[Sighting]) -> LightsFound:
     return _with_positions(found, origins, rays, np.radians(blur))
 
 
-def _with_positions(
-    found: LightsFound, origins: NDArray[np.float64], rays: NDArray[np.float64], spreads: NDArray[np.float64]
-) -> LightsFound:
+def _with_positions(found: LightsFound, origins: F64, rays: F64, spreads: F64) -> LightsFound:
     """Add positions where the rays (P, N, 3) of P places meet; directions only if any light is too far away.
 
     spreads: (P, N) standard deviations of the rays' directions, in radians.
@@ -155,26 +150,17 @@ def _with_positions(
     unsure_lights = ~ahead | (errors > UNSURE * distance)
     if unsure_lights.any():
         names = ", ".join(str(k + 1) for k in np.flatnonzero(unsure_lights))
-        log.info(
-            "light %s: the rays from the ball's places are nearly parallel, so it is far away; only "
-            "directions were found",
-            names,
-        )
+        log.info("light %s is far away: its rays are nearly parallel, so only directions were found", names)
         return _with_spread(found, rays)
     for k in np.flatnonzero(gaps > MISSED * errors):
-        log.warning(
-            "light %d: the rays to it miss each other by %.3g, more than they should; did camera or light move between "
-            "the photos, is the focal length right, and are the balls of one size?",
-            k + 1,
-            gaps[k],
-        )
+        words = "light %d: the rays to it miss each other by %.3g, more than they should; did camera or light move "
+        words += "between the photos, is the focal length right, and are the balls of one size?"
+        log.warning(words, k + 1, gaps[k])
     turn = np.degrees(errors / distance)
     return LightsFound(found.sightings, normalised(away), turn, found.target, points, errors, gaps)
 
 
-def meeting_point(
-    origins: ArrayLike, directions: ArrayLike, spreads: ArrayLike
-) -> tuple[NDArray[np.float64], float, float]:
+def meeting_point(origins: ArrayLike, directions: ArrayLike, spreads: ArrayLike) -> tuple[F64, float, float]:
     """Best intersection of rays: the point, its standard deviation, and its RMS distance from the rays.
 
     origins, directions: (P, 3). spreads: (P,) standard deviations of the directions, in radians.
@@ -195,14 +181,12 @@ def meeting_point(
     return point, error, float(np.sqrt((missed**2).sum(axis=1).mean()))
 
 
-def _with_spread(found: LightsFound, rays: NDArray[np.float64]) -> LightsFound:
+def _with_spread(found: LightsFound, rays: F64) -> LightsFound:
     """Report a distant light whose direction differs between places: it is near, or something moved."""
     deviations = angular_error(rays, np.broadcast_to(found.directions, rays.shape)).max(axis=0)
     worst = int(deviations.argmax())
     if deviations[worst] > MISSED * found.uncertainties[worst]:
-        log.info(
-            "light %d: its directions from the ball's places differ by up to %.2g°", worst + 1, 2 * deviations[worst]
-        )
+        log.info("light %d: its directions from the places differ by up to %.2g°", worst + 1, 2 * deviations[worst])
     return found
 
 
@@ -210,27 +194,18 @@ def _warn_of_doubts(sightings: Sequence[Sighting]) -> None:
     for sighting in sightings:
         ball = sighting.ball
         if ball.residual > 0.004 * ball.circle.radius or ball.seen < 0.5:
-            log.warning(
-                "the ball's outline was seen to %.0f%% and fits to %.2g pixels: look at the overlay, and give the "
-                "circle by hand (x,y,r) if it is not the ball's",
-                100 * ball.seen,
-                ball.residual,
-            )
+            words = "the ball's outline was seen to %.0f%% and fits to %.2g pixels: look at the overlay, and give the "
+            log.warning(words + "circle by hand (x,y,r) if it is not the ball's", 100 * ball.seen, ball.residual)
         for number, spot in enumerate(sighting.highlights, 1):
             if spot.radius > BROAD * ball.circle.radius:
-                log.warning(
+                words = (
                     "light %d: its highlight is %.0f%% as wide as the ball, as on a matt one: is it the mirror ball, "
-                    "and exposed so briefly that highlights are not burnt out?",
-                    number,
-                    100 * spot.radius / ball.circle.radius,
                 )
+                words += "and exposed so briefly that highlights are not burnt out?"
+                log.warning(words, number, 100 * spot.radius / ball.circle.radius)
             if spot.rival > RIVAL:
-                log.warning(
-                    "light %d: another spot on the ball holds %.0f%% as much light: a window, a lamp? Look at the "
-                    "overlay",
-                    number,
-                    100 * spot.rival,
-                )
+                words = "light %d: another spot on the ball has %.0f%% as much light: a window? Look at the overlay"
+                log.warning(words, number, 100 * spot.rival)
     by_lens = max(float(sighting.by_lens().max()) for sighting in sightings)
     if by_lens:
         log.warning(

@@ -8,13 +8,12 @@ estimated, too; it finds out how much the brightness varies, which is common to 
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mpsnet_core.arrays.mask_regions import bounding_box
 from mpsnet_core.arrays.resampling import block_means
+from mpsnet_core.arrays.types import F64, Bools, Floats, Indices
 from mpsnet_core.arrays.unit_vectors import normalised
 from mpsnet_core.errors import GeometryError
 from mpsnet_core.io.image import Image
@@ -23,7 +22,7 @@ from mpsnet_core.scene.mesh import Mesh
 from mpsnet_core.scene.rays import RayScene, mesh_hits
 
 # Maps light directions (3, 3) to (P, 3) which lights reach each point, shadows of the mesh included.
-Reached = Callable[[NDArray[np.float64]], NDArray[np.bool_]]
+Reached = Callable[[F64], Bools]
 
 # The photo is reduced to about this many blocks on the object's longer side, and at most MOST are used.
 BLOCKS, MOST = 200, 6000
@@ -50,11 +49,11 @@ CORRELATED = 30.0
 class LightsOnMesh:
     """Lights that were fitted to a photo of a known mesh."""
 
-    directions: NDArray[np.float64]
+    directions: F64
     """(3, 3) unit vectors from the object to the lights, one per row."""
-    mixing: NDArray[np.float64]
+    mixing: F64
     """(3, 3) mixing matrix of the most frequent paint, its diagonal 1."""
-    errors: NDArray[np.float64]
+    errors: F64
     """(3,) standard deviations of the directions, in degrees."""
     residual: float
     """Median relative difference between photo and fit."""
@@ -62,9 +61,7 @@ class LightsOnMesh:
     """Number of paints that were told apart."""
 
 
-def fit_lights(
-    colours: NDArray[np.floating[Any]], normals: NDArray[np.floating[Any]], reached: Reached, *, mixed: bool = True
-) -> LightsOnMesh:
+def fit_lights(colours: Floats, normals: Floats, reached: Reached, *, mixed: bool = True) -> LightsOnMesh:
     """Fit three distant lights and the mixing of their colours.
 
     Parameters
@@ -92,9 +89,7 @@ def fit_lights(
     return fit.result()
 
 
-def lights_of_photo(
-    image: Image, mask: NDArray[np.bool_], camera: Camera, mesh: Mesh, *, mixed: bool = True
-) -> LightsOnMesh:
+def lights_of_photo(image: Image, mask: Bools, camera: Camera, mesh: Mesh, *, mixed: bool = True) -> LightsOnMesh:
     """The lights of a photo of a mesh. mask: (H, W) the object. camera: of the photo, possibly of another size.
 
     mixed: as in :func:`fit_lights`.
@@ -126,7 +121,7 @@ def lights_of_photo(
     starts = (points + OFFSET * scene.size * normals @ fitted.rotation.T).astype(np.float32)
     far = np.full(len(sure), 2 * scene.size, np.float32)
 
-    def reached(lights: NDArray[np.float64]) -> NDArray[np.bool_]:
+    def reached(lights: F64) -> Bools:
         towards = (lights @ fitted.rotation.T).astype(np.float32)
         rays = [np.ascontiguousarray(np.broadcast_to(light, starts.shape)) for light in towards]
         return ~np.stack([scene.occluded_within(starts, ray, far) for ray in rays], axis=1)
@@ -137,7 +132,7 @@ def lights_of_photo(
 class _Fit:
     """The present state of a fit. colours: (P, 3) with the 98th percentile of each channel at 1."""
 
-    def __init__(self, colours: NDArray[np.float64], normals: NDArray[np.float64], reached: Reached) -> None:
+    def __init__(self, colours: F64, normals: F64, reached: Reached) -> None:
         self.colours, self.normals, self.reached = colours, normals, reached
         self.logs = np.log(np.maximum(colours, 0) + FLOOR)
         self.paint = np.zeros(len(colours), np.intp)  # (P,) number of each pixel's paint
@@ -163,12 +158,12 @@ class _Fit:
             self.mixings[0, channel, channel] = max(length, 0.1)
         self.mixings[0, :, 3] = 0.01
 
-    def shading(self) -> NDArray[np.float64]:
+    def shading(self) -> F64:
         """(P, 4) brightness by each light at unit strength, and by ambient light."""
         lit = np.maximum(self.normals @ self.lights.T, 0) * self.reached(self.lights)
         return np.concatenate([lit, np.ones((len(lit), 1))], axis=1)
 
-    def residuals(self, shading: NDArray[np.float64]) -> NDArray[np.float64]:
+    def residuals(self, shading: F64) -> F64:
         """(paints, P, 3) differences of the logarithms, by the mixing of each paint."""
         fitted = np.einsum("pj,qkj->qpk", shading, self.mixings)
         return np.asarray(self.logs - np.log(np.maximum(fitted, 0) + FLOOR))
@@ -191,7 +186,7 @@ class _Fit:
             if np.abs(self.lights - before).max() < SETTLED:
                 break
 
-    def _step(self, shading: NDArray[np.float64], error: NDArray[np.float64], weight: NDArray[np.float64]) -> None:
+    def _step(self, shading: F64, error: F64, weight: F64) -> None:
         """A step of Gauss-Newton. Unknowns: two angles of each light, then each paint's mixing."""
         mixing = self.mixings[self.paint]
         slope = 1 / (np.einsum("pj,pkj->pk", shading, mixing) + FLOOR)
@@ -227,7 +222,7 @@ class _Fit:
         self.mixings = changed
         self.information = matrix
 
-    def _by_paint(self, values: NDArray[np.float64]) -> list[NDArray[np.float64]]:
+    def _by_paint(self, values: F64) -> list[F64]:
         return [values[self.paint == paint] for paint in range(len(self.mixings))]
 
     def split(self) -> "_Fit | None":
@@ -251,16 +246,11 @@ class _Fit:
         inverse = np.linalg.inv(self.information)[:6, :6]
         spread = np.sqrt(np.maximum(np.diag(inverse), 0).reshape(3, 2).sum(axis=1))
         residuals = self.residuals(self.shading())[self.paint, np.arange(len(self.paint))]
-        return LightsOnMesh(
-            self.lights,
-            own / np.diag(own)[:, None],
-            np.degrees(spread),
-            float(np.median(np.abs(residuals))),
-            len(self.mixings),
-        )
+        mixing, residual = own / np.diag(own)[:, None], float(np.median(np.abs(residuals)))
+        return LightsOnMesh(self.lights, mixing, np.degrees(spread), residual, len(self.mixings))
 
 
-def _two_groups(values: NDArray[np.float64]) -> NDArray[np.intp]:
+def _two_groups(values: F64) -> Indices:
     """(N,) 0 or 1: values (N, 3) in two groups about two medians."""
     axis = np.linalg.svd(values - np.median(values, axis=0), full_matrices=False)[2][0]
     group = (values @ axis > np.median(values @ axis)).astype(np.intp)

@@ -5,7 +5,6 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, ClassVar
 
 from mpsnet_core.capture.operations import TakesLightPhotos
-from mpsnet_core.defaults import MASK
 from mpsnet_core.errors import SettingsError
 from mpsnet_core.operation import Result, option
 from mpsnet_core.progress import Progress, silent
@@ -50,13 +49,8 @@ class CalibrateMesh(TakesMesh, TakesLightPhotos):
     image: tuple[str, ...] = option(
         positional=True, help="photo of the object under the three lights, or three with --per-light"
     )
-    mesh: str = option(help="the object's mesh in the camera's world", path="file", provenance="content")
-    camera: str = option(
-        help="camera file of the photo, as `mpsnet align` writes it", path="file", provenance="content"
-    )
-    mask: str = option(default=MASK, help="where the object is, as in `estimate`")
-    json: str | None = option(default=None, metavar="FILE", help="write the results as JSON", provenance="none")
-    output: str = option(help="rig file to write: .json", path="file", provenance="none")
+    mesh: str = option(help="the object's mesh in the camera's world", path="file")
+    camera: str = option(help="camera file of the photo, as `mpsnet align` writes it", path="file")
 
     def run(self, progress: Progress = silent) -> MeshCalibrated:
         """Write the rig file."""
@@ -64,15 +58,12 @@ class CalibrateMesh(TakesMesh, TakesLightPhotos):
 
         from mpsnet_core.calibrate.lights_on_mesh import lights_of_photo
         from mpsnet_core.calibrate.report import LightFacts
-        from mpsnet_core.io.files import check_no_overwrite, prefix_errors, writable_path, write_json
-        from mpsnet_core.io.frames import expand_images
+        from mpsnet_core.io.files import prefix_errors, write_json
         from mpsnet_core.io.image import CHANNELS
         from mpsnet_core.scene.camera import read_camera
         from mpsnet_core.scene.rig import angles_of, write_rig
 
-        outputs = [writable_path(path) for path in (self.output, self.json) if path]
-        files = expand_images(self.image)
-        check_no_overwrite([*files, *self.inputs(self.mesh, self.camera, mask=self.mask)], outputs)
+        files = self.photos(self.image, self.mesh, self.camera)
         camera, mesh = read_camera(self.camera), self.read_mesh(self.mesh, shape_only=True)
         source, *others = self.sources(files, self.mask)
         if others:
@@ -87,18 +78,14 @@ class CalibrateMesh(TakesMesh, TakesLightPhotos):
                 found = lights_of_photo(again, mask, camera, mesh, mixed=not self.per_light)
             rig = _rig_of(found)
         write_rig(self.output, rig)
+        facts = zip(CHANNELS, rig.directions, *angles_of(rig.directions), found.errors, strict=True)
         lights = [
             LightFacts(name, light.tolist(), float(slant), float(tilt), uncertainty=float(error))
-            for name, light, slant, tilt, error in zip(
-                CHANNELS, rig.directions, *angles_of(rig.directions), found.errors, strict=True
-            )
+            for name, light, slant, tilt, error in facts
         ]
         if found.residual > POOR:
-            log.warning(
-                "the mesh explains the photo badly (typical difference %.0f%%): check the camera and the mesh, and "
-                "that the object is matt [mesh-misfit]",
-                100 * found.residual,
-            )
+            words = "the mesh explains the photo badly (typical difference %.0f%%): check the camera and the mesh, and "
+            log.warning(words + "that the object is matt [mesh-misfit]", 100 * found.residual)
         text = "\n".join([*map(str, lights), f"{self.output}: the rig"])
         result = MeshCalibrated(self.output, lights, round(found.residual, 4), found.paints, text=text)
         if self.json:

@@ -6,9 +6,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from mpsnet_core.arrays.statistics import DEVIATIONS, biweight, deviation
+from mpsnet_core.arrays.types import F32, F64, Bools
 from mpsnet_core.arrays.unit_vectors import angular_error, dot, normalised
 from mpsnet_core.calibrate.ball import Ball, surface
 from mpsnet_core.errors import GeometryError, SettingsError
@@ -55,12 +56,12 @@ AMBIENT = 0.03
 class MixingFound:
     """A mixing matrix and how well it describes the photo."""
 
-    mixing: NDArray[np.float64]
+    mixing: F64
     """(3, 3) float64. Rows are the camera channels red, green, blue, columns the lights in rig order. The largest entry
     is 1. It includes brightness: the weaker of two lights has the smaller column."""
     residual: float
     """RMS residual of the fit, as a share of the mean brightness."""
-    ambient: NDArray[np.float64]
+    ambient: F64
     """(3,) float64. Ambient light, in the unit of the matrix; 0 for a card, which does not determine it."""
     pixels: int
     """Number of pixels used, without clipped ones."""
@@ -109,33 +110,24 @@ def mixing_from_ball(photo: Image, ball: Ball, rig: LightRig) -> MixingFound:
     """
     points, colours = _ball_pixels(photo, ball)
     found = _fitted(points, colours, ball, rig, np.ones((3, 3), bool))
-    found = replace(
-        found, uncertainty=float(np.hypot(found.uncertainty, _by_sectors(points, colours, ball, rig, found)))
-    )
+    by_sectors = _by_sectors(points, colours, ball, rig, found)
+    found = replace(found, uncertainty=float(np.hypot(found.uncertainty, by_sectors)))
     if found.uncertainty > UNDETERMINED:
-        log.warning(
-            "this photo does not show how the lights' colours mix (to ± %.2f): the rig gets their strengths "
-            "alone; for the rest take three photos, one under each light alone, or lights that stand wider apart",
-            found.uncertainty,
-        )
+        words = "this photo does not show how the lights' colours mix (to ± %.2f): the rig gets their strengths alone; "
+        words += "for the rest take three photos, one under each light alone, or lights that stand wider apart"
+        log.warning(words, found.uncertainty)
         alone = _fitted(points, colours, ball, rig, np.eye(3, dtype=bool))
         found = replace(alone, determined=False, uncertainty=found.uncertainty)
     return _checked(found)
 
 
-def _fitted(
-    points: NDArray[np.float64],
-    colours: NDArray[np.float64],
-    ball: Ball,
-    rig: LightRig,
-    allowed: NDArray[np.bool_],
-) -> MixingFound:
+def _fitted(points: F64, colours: F64, ball: Ball, rig: LightRig, allowed: Bools) -> MixingFound:
     """The matrix fitted to points (P, 2) and their colours (P, 3). allowed: (3, 3) entries that may be non-zero."""
     drawn, moved = ball, np.zeros(OTHERS)
     precision = np.diag([0.0] * 3 + [len(points) / INDEPENDENT / size**2 for size in UNCERTAINTIES])
     precision[:3, :3] = np.linalg.inv(ball.covariance)
     free = np.concatenate([np.concatenate([allowed.T, np.ones((1, 3), bool)]).T.ravel(), np.ones(OTHERS, bool)])
-    weight: NDArray[np.float64] = np.ones(colours.shape)
+    weight: F64 = np.ones(colours.shape)
     scale = float(colours.std())
     answer = np.concatenate([np.diag(colours.max(axis=0)), np.zeros((1, 3))])
     at_ball = _surface(ball, rig, points)
@@ -168,21 +160,14 @@ def _fitted(
     variances = np.zeros(12 + OTHERS)
     variances[free] = np.diag(np.linalg.pinv(left[np.ix_(free, free)], hermitian=True))
     doubt = scale * np.sqrt(variances[:12] * len(points) / INDEPENDENT).reshape(3, 4)[:, :3] / largest
-    return MixingFound(
-        answer[:3].T / largest,
-        float(np.sqrt((weight * error**2).sum() / weight.sum()) / colours[used].mean()),
-        answer[3] / largest,
-        len(points),
-        float(1 - used.mean()),
-        ball,
-        uncertainty=float(doubt[~np.eye(3, dtype=bool)].max()),
-        unexplained=float((error**2).mean() / colours.var(axis=0).mean()),
-    )
+    residual = float(np.sqrt((weight * error**2).sum() / weight.sum()) / colours[used].mean())
+    unsure, left_out = float(doubt[~np.eye(3, dtype=bool)].max()), float(1 - used.mean())
+    unexplained, mixing = float((error**2).mean() / colours.var(axis=0).mean()), answer[:3].T / largest
+    ambient = answer[3] / largest
+    return MixingFound(mixing, residual, ambient, len(points), left_out, ball, True, unsure, unexplained)
 
 
-def _by_sectors(
-    points: NDArray[np.float64], colours: NDArray[np.float64], ball: Ball, rig: LightRig, found: MixingFound
-) -> float:
+def _by_sectors(points: F64, colours: F64, ball: Ball, rig: LightRig, found: MixingFound) -> float:
     """Largest standard deviation of the off-diagonal entries, by the jackknife (Tukey 1958) over the ball's sectors.
 
     points: (P, 2), and their colours: (P, 3), that `found` was fitted to.
@@ -216,7 +201,7 @@ def mixing_from_ball_by_light(photos: Sequence[Image], ball: Ball, rig: LightRig
     return _from_columns(columns, ball, np.mean(ambient, axis=0))
 
 
-def _ambient(basis: NDArray[np.float64], colours: NDArray[np.float64], light: int) -> NDArray[np.float64]:
+def _ambient(basis: F64, colours: F64, light: int) -> F64:
     """(3,) ambient light, at least 0, in a photo of one light alone. basis: (P, 4), as `_shading` returns it."""
     free = np.zeros(12 + OTHERS, bool)
     free[:12].reshape(3, 4)[:, [light, 3]] = True
@@ -248,7 +233,7 @@ def lambertian_error(photos: Sequence[Image], ball: Ball, rig: LightRig) -> floa
 
 
 def mixing_from_card(
-    photos: Sequence[Image], mask: NDArray[np.bool_], rig: LightRig, normal: ArrayLike = (0.0, 0.0, 1.0)
+    photos: Sequence[Image], mask: Bools, rig: LightRig, normal: ArrayLike = (0.0, 0.0, 1.0)
 ) -> MixingFound:
     """The mixing matrix from three photos of a matt grey card, each under one light alone, in rig order.
 
@@ -265,24 +250,19 @@ def mixing_from_card(
         inside = photo.pixels[mask].astype(np.float64)
         usable = ~photo.saturated[mask].any(axis=1) & np.isfinite(inside).all(axis=1)
         if usable.sum() < MIN_PIXELS:
-            raise GeometryError(
-                f"the photo of the {LIGHT_NAMES[light]} light has fewer than {MIN_PIXELS} usable pixels of the card; "
-                "use a shorter exposure, or mark more of it"
-            )
+            words = f"the {LIGHT_NAMES[light]} light's photo has fewer than {MIN_PIXELS} usable pixels of the card"
+            raise GeometryError(f"{words}; use a shorter exposure, or mark more of it")
         columns.append(inside[usable] / cosines[light])
     return _from_columns(columns, None)
 
 
 def _three_photos(photos: Sequence[Image]) -> Sequence[Image]:
     if len(photos) != 3:
-        raise SettingsError(
-            f"{len(photos)} photo(s) where three are needed, one under each light alone in the rig's order; one photo "
-            "under all of them will do for a grey ball"
-        )
+        raise SettingsError(f"{len(photos)} photo(s); give three, one under each light alone in the rig's order")
     return photos
 
 
-def check_lights(image: NDArray[np.float32], ball: Ball, rig: LightRig) -> None:
+def check_lights(image: F32, ball: Ball, rig: LightRig) -> None:
     """Raise GeometryError if another order or orientation of the lights fits the photo (H, W, 3) of a matt ball."""
     height, width = image.shape[:2]
     x, y = np.arange(width) + 0.5 - ball.circle.x, np.arange(height)[:, None] + 0.5 - ball.circle.y
@@ -291,7 +271,7 @@ def check_lights(image: NDArray[np.float32], ball: Ball, rig: LightRig) -> None:
         raise GeometryError(misfit_words(better))
 
 
-def _ball_pixels(photo: Image, ball: Ball) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _ball_pixels(photo: Image, ball: Ball) -> tuple[F64, F64]:
     """Points (P, 2) well inside the ball and their colours (P, 3), without clipped ones."""
     height, width = photo.pixels.shape[:2]
     left, right, top, bottom = ball.window(width, height)
@@ -304,28 +284,21 @@ def _ball_pixels(photo: Image, ball: Ball) -> tuple[NDArray[np.float64], NDArray
         usable = inside & ~photo.saturated[y, x].any(axis=1) & np.isfinite(colours).all(axis=1)
         chosen = np.flatnonzero(usable)[:: max(1, int(usable.sum()) // MAX_PIXELS)]
     if not len(points) or len(chosen) < MIN_PIXELS:
-        raise GeometryError(
-            f"the photo has fewer than {MIN_PIXELS} usable pixels of the ball; is the circle right, and is it not "
-            "overexposed?"
-        )
+        raise GeometryError(f"fewer than {MIN_PIXELS} pixels of the ball are usable; correct the circle or expose less")
     if not colours[chosen].any():
         raise GeometryError("the ball is black in the photo; were the lights on, and is the circle right?")
     return points[chosen], colours[chosen]
 
 
-def _surface(ball: Ball, rig: LightRig, points: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _surface(ball: Ball, rig: LightRig, points: F64) -> tuple[F64, F64]:
     """Positions (P, 3) and unit normals (P, 3) of the ball's surface at points (P, 2) of the photo."""
     if rig.near is not None and ball.camera.projection == "orthographic":
-        raise GeometryError(
-            "the rig's lights have positions, which only a perspective camera sees; give the camera or its focal length"
-        )
+        raise GeometryError("the rig's lights have positions; give the camera or its focal length, to see perspective")
     place, normal, _ = surface(ball, points)
     return place, normal
 
 
-def _shading(
-    place: NDArray[np.float64], normal: NDArray[np.float64], rig: LightRig, other: NDArray[np.float64] | None = None
-) -> NDArray[np.float64]:
+def _shading(place: F64, normal: F64, rig: LightRig, other: F64 | None = None) -> F64:
     """(P, 4) shading of a white matt surface by each light, at positions (P, 3) with unit normals (P, 3), and 1 for
     ambient light.
 
@@ -345,14 +318,8 @@ def _shading(
 
 
 def _joint_step(
-    basis: NDArray[np.float64],
-    jacobian: NDArray[np.float64],
-    colours: NDArray[np.float64],
-    weight: NDArray[np.float64],
-    prior: NDArray[np.float64],
-    moved: NDArray[np.float64],
-    free: NDArray[np.bool_],
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    basis: F64, jacobian: F64, colours: F64, weight: F64, prior: F64, moved: F64, free: Bools
+) -> tuple[F64, F64, F64]:
     """One Gauss-Newton step: the matrix with ambient light (4, 3), the step (10,) of outline, lights and exponent, and
     the normal equations (22, 22).
 
@@ -381,9 +348,7 @@ def _joint_step(
         free[worst] = False
 
 
-def _from_columns(
-    columns: Sequence[NDArray[np.float64]], ball: Ball | None, ambient: NDArray[np.float64] | None = None
-) -> MixingFound:
+def _from_columns(columns: Sequence[F64], ball: Ball | None, ambient: F64 | None = None) -> MixingFound:
     """The matrix whose columns are the medians of each light's `columns` (P, 3). ambient: (3,), in their unit."""
     middles = [np.maximum(np.median(values, axis=0), 0) for values in columns]
     mixing = np.stack(middles, axis=-1)
@@ -414,11 +379,10 @@ def _checked(found: MixingFound) -> MixingFound:
             "order red, green, blue? [light-order]"
         )
     if found.residual > POOR:
-        log.warning(
+        words = (
             "the matrix leaves %.0f%% of the brightness unexplained: is the ball or card matt, grey and evenly lit, "
-            "and does the rig belong to this photo?",
-            100 * found.residual,
         )
+        log.warning(words + "and does the rig belong to this photo?", 100 * found.residual)
     if np.abs(found.ambient).max() > AMBIENT:
         log.warning(
             "there is ambient light, %.0f%% as bright as the brightest lamp: darken the room, or subtract a "

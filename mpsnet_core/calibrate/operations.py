@@ -15,9 +15,7 @@ from mpsnet_core.operation import Result, option
 from mpsnet_core.progress import Progress, part, silent
 
 if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
-
+    from mpsnet_core.arrays.types import F32
     from mpsnet_core.calibrate.ball import Circle
     from mpsnet_core.calibrate.lights import LightsFound, Sighting
     from mpsnet_core.calibrate.mixing import MixingFound
@@ -83,16 +81,9 @@ class UsesBall(ReadsPhotos, HasLens):
 
         if self.circle and self.mask:
             raise SettingsError("--circle and --mask both define where the ball or card is; give one of them")
-        return BallPhotos(
-            files,
-            [Circle(*_numbers(text, "--circle")) for text in self.circle],
-            Path(self.mask) if self.mask else None,
-            camera=self.lens(),
-            radius=1.0 if self.radius is None else self.radius,
-            options=self.read_options(),
-            balls=balls,
-            mirror=mirror,
-        )
+        circles = [Circle(*_numbers(text, "--circle")) for text in self.circle]
+        mask, radius = Path(self.mask) if self.mask else None, 1.0 if self.radius is None else self.radius
+        return BallPhotos(files, circles, mask, balls, radius, self.lens(), self.read_options(), mirror)
 
     def _write_json(self, result: Result) -> None:
         from mpsnet_core.io.files import write_json
@@ -165,11 +156,7 @@ class CalibrateLights(UsesBall):
         numbers=True,
     )
     distant: bool = option(default=False, help="write directions even where positions could be found")
-    output: str = option(
-        metavar="RIG",
-        help="rig file (.json), or .lp with any number of directions",
-        provenance="none",
-    )
+    output: str = option(metavar="RIG", help="rig file (.json), or .lp of any number of lights", provenance="none")
 
     def run(self, progress: Progress = silent) -> LightsCalibrated:
         """Write the rig, and the other outputs if requested."""
@@ -208,13 +195,9 @@ class CalibrateLights(UsesBall):
         from mpsnet_core.io.image import CHANNELS
 
         if not self.per_light and (self.places > 1 or self.lights):
-            raise SettingsError(
-                "--places and --lights are for photos of one light each; add --per-light, or leave them out"
-            )
+            raise SettingsError("--places and --lights are for photos of one light each; add --per-light")
         if len(files) % self.places:
-            raise SettingsError(
-                f"{len(files)} photos cannot be divided among {self.places} places; give the same number for each place"
-            )
+            raise SettingsError(f"{len(files)} photos cannot be divided among {self.places} places; give as many each")
         places = self.places if self.per_light else len(files)
         count = len(files) // places if self.per_light else 3
         numbers = _three_of(self.lights, count) if self.lights else list(range(count))
@@ -224,9 +207,7 @@ class CalibrateLights(UsesBall):
                 f"write an .lp file{_numbered(files[:count])}"
             )
         if self.per_light and count < 2:
-            raise SettingsError(
-                "--per-light takes a photo for each light; leave it out for one photo under all of them"
-            )
+            raise SettingsError("--per-light takes a photo for each light; leave it out for one photo under all")
         names = [*CHANNELS] if len(numbers) == 3 else [str(number + 1) for number in numbers]
         return _Chosen(places, numbers, names, [files[k] for k in numbers] if self.per_light else None)
 
@@ -256,18 +237,10 @@ class CalibrateLights(UsesBall):
         photos = self._photos(files, balls=self.balls)
         circles: Sequence[Circle] = photos.circles
         if len(circles) % places:
-            raise SettingsError(
-                f"there are {len(circles)} circles for {places} places of the ball; give the same number for each"
-            )
+            raise SettingsError(f"there are {len(circles)} circles for {places} places; give as many for each")
         share, each = len(files) // places, len(circles) // places
-        return [
-            replace(
-                photos,
-                files=files[place * share : (place + 1) * share],
-                circles=circles[place * each : (place + 1) * each],
-            )
-            for place in range(places)
-        ]
+        of_place = [(slice(k * share, (k + 1) * share), slice(k * each, (k + 1) * each)) for k in range(places)]
+        return [replace(photos, files=files[own], circles=circles[drawn]) for own, drawn in of_place]
 
     def _write_rig(self, found: "LightsFound", chosen: _Chosen) -> None:
         from mpsnet_core.scene.rig import LightRig, near_rig, write_lp, write_rig
@@ -284,8 +257,8 @@ class CalibrateLights(UsesBall):
 
     @staticmethod
     def _draw(overlay: str, found: "LightsFound", chosen: _Chosen, pictured: Sequence["BallPhotos"]) -> None:
-        from mpsnet_core.calibrate.overlay import lights_picture
         from mpsnet_core.calibrate.photos import mean_photo
+        from mpsnet_core.calibrate.report import lights_picture
         from mpsnet_core.io.image_writing import write_picture
         from mpsnet_core.scene.pictures import contact_sheet
 
@@ -312,9 +285,7 @@ class CalibrateLights(UsesBall):
         [file] = self.ball
         names, directions = read_lp(file)
         if not self.lights:
-            raise SettingsError(
-                f"{file} holds {len(names)} light(s); choose three with --lights 1,2,3{_numbered(map(Path, names))}"
-            )
+            raise SettingsError(f"{file} has {len(names)} light(s); choose --lights 1,2,3{_numbered(map(Path, names))}")
         numbers = _three_of(self.lights, len(names))
         check_no_overwrite([file], [self.output])
         if writable_path(self.output).suffix.lower() != ".json":
@@ -383,8 +354,8 @@ class CalibrateMixing(UsesBall):
     def run(self, progress: Progress = silent) -> MixingCalibrated:
         """Write the rig with its mixing, and the other outputs if requested."""
         from mpsnet_core.calibrate.mixing import lambertian_error
-        from mpsnet_core.calibrate.overlay import ball_picture
         from mpsnet_core.calibrate.photos import mean_photo, read_lit
+        from mpsnet_core.calibrate.report import ball_picture
         from mpsnet_core.capture.decode import warn_of_other_exposures
         from mpsnet_core.io.files import write_transaction
         from mpsnet_core.io.frames import in_order_of_lights
@@ -418,13 +389,9 @@ class CalibrateMixing(UsesBall):
         if Path(self.output).suffix.lower() != ".json":
             raise FileError(f"{self.output}: a rig with its mixing is written as .json; give such a file name")
         if rig.near is not None and not self.card and self.radius is None:
-            raise SettingsError(
-                "the rig's lights stand near the ball, so its size counts; give --radius, in the rig's unit"
-            )
+            raise SettingsError("the rig's lights are near, so the ball's size counts; give --radius in the rig's unit")
         if len(self.circle) > 1:
-            raise SettingsError(
-                f"a photo for the mixing shows one {'card' if self.card else 'ball'}; give one --circle"
-            )
+            raise SettingsError(f"a photo for the mixing shows one {'card' if self.card else 'ball'}; give one circle")
         if self.normal and not self.card:
             raise SettingsError("--normal is for a card; add --card, or leave it out")
         if len(files) not in ((3,) if self.card else (1, 3)):
@@ -433,11 +400,7 @@ class CalibrateMixing(UsesBall):
 
     @staticmethod
     def _by_ball(
-        photos: "BallPhotos",
-        read: Sequence["Image"],
-        image: "NDArray[np.float32]",
-        rig: "LightRig",
-        progress: Progress,
+        photos: "BallPhotos", read: Sequence["Image"], image: "F32", rig: "LightRig", progress: Progress
     ) -> "MixingFound":
         import numpy as np
 
@@ -463,16 +426,10 @@ class CalibrateMixing(UsesBall):
         from mpsnet_core.calibrate.report import ball_facts, mixing_lines
 
         balls = [] if found.ball is None else [ball_facts(found.ball)]
-        return MixingCalibrated(
-            self.output,
-            self.overlay,
-            found.mixing.tolist(),
-            ambient=found.ambient.tolist(),
-            equation_2_error=off,
-            balls=balls,
-            text="\n".join([f"{self.output}:", *mixing_lines(found, off), *map(str, balls)]),
-            **{name: getattr(found, name) for name in ("residual", "pixels", "left_out", "determined", "uncertainty")},
-        )
+        same = {name: getattr(found, name) for name in ("residual", "pixels", "left_out", "determined", "uncertainty")}
+        same |= {"mixing": found.mixing.tolist(), "ambient": found.ambient.tolist(), "equation_2_error": off}
+        text = "\n".join([f"{self.output}:", *mixing_lines(found, off), *map(str, balls)])
+        return MixingCalibrated(self.output, self.overlay, balls=balls, text=text, **same)
 
 
 # --- words and files --------------------------------------------------------------------------------------------------
@@ -513,8 +470,8 @@ def _numbered(files: Iterable[Path]) -> str:
 
 def _ball_drawn(photos: "BallPhotos", overlay: str | None) -> bool:
     """Draw the first ball if its highlights were not found: it is often something else."""
-    from mpsnet_core.calibrate.overlay import ball_picture
     from mpsnet_core.calibrate.photos import mean_photo, seen_balls
+    from mpsnet_core.calibrate.report import ball_picture
     from mpsnet_core.io.image_writing import write_picture
 
     if not overlay:

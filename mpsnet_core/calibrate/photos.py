@@ -4,20 +4,17 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mpsnet_core.arrays.sizes import check_same_size, size
+from mpsnet_core.arrays.types import F32, Bools, Floats
 from mpsnet_core.calibrate.ball import Ball, Circle, ball_from_circle, ball_from_mask
 from mpsnet_core.calibrate.circles import find_balls
 from mpsnet_core.calibrate.highlights import Highlight, find_coloured_highlights, find_highlight
 from mpsnet_core.calibrate.lights import Sighting
-from mpsnet_core.capture.correction import corrected
-from mpsnet_core.capture.decode import AS_STATED, PhotoReadOptions
-from mpsnet_core.capture.open import PhotoSet
-from mpsnet_core.capture.sources import Source
+from mpsnet_core.capture.decode import AS_STATED, PhotoReadOptions, corrected
+from mpsnet_core.capture.open import PhotoSet, Source
 from mpsnet_core.errors import GeometryError
 from mpsnet_core.io.files import prefix_errors
 from mpsnet_core.io.image import CHANNELS, Image, in_one_frame
@@ -79,39 +76,35 @@ def read_lit(photos: BallPhotos, rig: LightRig) -> list[Image]:
     return images
 
 
-def lit_surface(photos: BallPhotos, image: Image) -> NDArray[np.bool_]:
+def lit_surface(photos: BallPhotos, image: Image) -> Bools:
     """(H, W) the ball or card: its mask or circle, else the ball that is found. Raises InputError if there is none."""
     if photos.mask is not None and not photos.circles:
         return _mask(photos.mask, image.pixels)
     circle = photos.circles[0] if photos.circles else seen_balls(photos, image.pixels)[0].circle
     height, width = image.pixels.shape[:2]
     x, y = np.arange(width) + 0.5, np.arange(height)[:, None] + 0.5
-    inside: NDArray[np.bool_] = np.hypot(x - circle.x, y - circle.y) < circle.radius
-    return inside
+    return np.hypot(x - circle.x, y - circle.y) < circle.radius
 
 
-def mean_photo(photos: BallPhotos, images: Iterable[Image] | None = None) -> NDArray[np.float32]:
+def mean_photo(photos: BallPhotos, images: Iterable[Image] | None = None) -> F32:
     """(H, W, 3) linear mean of the photos, in which the whole ball is lit. Raises GeometryError if sizes differ.
 
     images: the photos, if they have been read already.
     """
-    total: NDArray[np.float32] = np.zeros((), np.float32)
+    total: F32 = np.zeros((), np.float32)
     for image in images or photos.read():
         total = total + image.pixels
-    mean: NDArray[np.float32] = np.nan_to_num(total / np.float32(len(photos.files)), posinf=0.0, neginf=0.0)
-    return mean
+    return np.nan_to_num(total / np.float32(len(photos.files)), posinf=0.0, neginf=0.0)
 
 
-def seen_balls(photos: BallPhotos, image: NDArray[np.float32]) -> list[Ball]:
+def seen_balls(photos: BallPhotos, image: F32) -> list[Ball]:
     """The balls in the photos. image: (H, W, 3), their mean. Raises InputError if they are not found."""
     height, width = image.shape[:2]
     camera = camera_for(photos.camera, width, height) or pixel_camera(width, height)
     if photos.circles:
         for circle in photos.circles:
             if circle.radius > max(width, height):
-                raise GeometryError(
-                    f"a circle of {circle.radius:g} pixels is larger than the photo, {size(image.shape)}"
-                )
+                raise GeometryError(f"a radius of {circle.radius:g} pixels is more than the photo, {size(image.shape)}")
             if not (0 <= circle.x <= width and 0 <= circle.y <= height):
                 raise GeometryError(
                     f"the circle {circle.x:g},{circle.y:g},{circle.radius:g} has its centre outside the photo, which "
@@ -144,7 +137,7 @@ def read_sightings(photos: BallPhotos, progress: Progress = silent) -> list[Sigh
     return [Sighting(ball, tuple(spots), lens_known) for ball, spots in zip(balls, found, strict=True)]
 
 
-def _mask(file: Path, image: NDArray[np.floating[Any]]) -> NDArray[np.bool_]:
+def _mask(file: Path, image: Floats) -> Bools:
     mask = read_mask(file)
     check_same_size(f"the mask {file}", mask.shape, "the photo", image.shape[:2])
     return mask

@@ -8,16 +8,66 @@ from typing import Any, ClassVar, TypeVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from mpsnet_core.arrays.mask_regions import bounding_box
 from mpsnet_core.arrays.rasterize import extend_to_nearest
-from mpsnet_core.arrays.resampling import sampled_rows
+from mpsnet_core.arrays.resampling import block_means, sampled_rows
 from mpsnet_core.arrays.sizes import SAME_CAMERA, check_same_size
-from mpsnet_core.capture.white_edges import shows_another_scene
+from mpsnet_core.arrays.types import F32, F64, Bools, Floats
 from mpsnet_core.errors import FormatError, GeometryError, NoObject, Note, SettingsError
 from mpsnet_core.io.from_files import takes_files
 from mpsnet_core.io.image import CHANNELS, SATURATED_SHARE
 from mpsnet_core.io.shown import Shown
 from mpsnet_core.scene.camera import Camera
 from mpsnet_core.scene.rig import LightRig, NearLights
+
+# --- whether a white photo shows the same scene as its photo, by their edges, whatever lamp lit it --------------------
+# Creases, outlines and borders of paint are steep in each of the photo's three lights, and in the white photo, at the
+# same pixels. In a white photo of another object or pose they are elsewhere: it agrees no better with the photo than
+# when it is shifted.
+
+
+# The object's size, in pixels, to which both photos are reduced: noise averages out.
+SIDE = 192
+# The shift that edges are compared at, as a fraction of the object's size.
+SHIFT = 0.05
+# The photo's own lights must agree on edges by this much for its edges to tell anything; smooth objects' differ.
+TELLING = 0.04
+# A white photo that agrees with the photo less than this share of what the photo's lights agree does not fit.
+# In right ones it is 1.2 to 7 times as much, in others 0.3 or less.
+SHARE = 0.3
+DARKEST = 0.03  # of the 99th percentile
+
+
+def shows_another_scene(photo: Floats, white: Floats, mask: Bools) -> bool:
+    """Whether a white photo (H, W, 3) has its edges elsewhere than the photo (H, W, 3); False where there are none."""
+    box = bounding_box(mask)
+    factor = max(1, round(np.sqrt(np.count_nonzero(mask)) / SIDE))
+    inside = block_means(mask[box][..., None].astype(np.float32), factor)[..., 0] > 0.99
+    shift = max(3, round(SHIFT * np.sqrt(np.count_nonzero(inside))))
+    shifts = [(down, right) for down in (-shift, 0, shift) for right in (-shift, 0, shift)]
+    inner = np.pad(inside, shift)
+    inner = np.logical_and.reduce([np.roll(inner, by, (0, 1)) for by in shifts])[shift:-shift, shift:-shift]
+    if np.count_nonzero(inner) < SIDE:
+        return False
+    lights = np.moveaxis(block_means(np.where(mask[box][..., None], photo[box], 0), factor), -1, 0)
+    whole = block_means(np.where(mask[box][..., None], white[box], 0), factor).mean(axis=-1)
+    *own, other = (_steepness(values, inside, inner) for values in (*lights, whole))
+
+    def agreement(one: F64, two: F64) -> float:
+        """How much better two pictures' edges correlate in place than shifted."""
+        found = {by: float(np.corrcoef(one[inner], np.roll(two, by, (0, 1))[inner])[0, 1]) for by in shifts}
+        return found.pop((0, 0)) - max(found.values())
+
+    among = np.mean([agreement(own[one], own[two]) for one, two in ((0, 1), (0, 2), (1, 2))])
+    return bool(among > TELLING and np.mean([agreement(one, other) for one in own]) < SHARE * among)
+
+
+def _steepness(values: F32, inside: Bools, inner: Bools) -> F64:
+    """(h, w) the slope of the logarithm, in which shading and paint add up; outliers are cut."""
+    lowest = max(DARKEST * float(np.percentile(values[inside], 99)), 1e-12)
+    slope = np.hypot(*np.gradient(np.log(np.maximum(values.astype(np.float64), lowest))))
+    return np.asarray(np.minimum(slope, np.percentile(slope[inner], 99)))
+
 
 log = logging.getLogger(__name__)
 WARN, INFO = logging.WARNING, logging.INFO
@@ -72,10 +122,10 @@ class Capture(Shown):
 
     array_name: ClassVar[str] = "image"
 
-    image: NDArray[np.floating[Any]]
+    image: Floats
     """(H, W, 3) float32 or float16. The photo, linear; the channels are the camera's R, G, B. float16 is kept, other
     types become float32."""
-    mask: NDArray[np.bool_]
+    mask: Bools
     """(H, W) bool. The pixels of the object. Floating-point values, such as alpha, are thresholded at 0.5."""
     rig: LightRig
     """The lights, in camera space."""
@@ -83,17 +133,17 @@ class Capture(Shown):
     """Projection and pose, if known."""
     clip: float = np.inf
     """Linear value at which a channel saturates. Infinity for renders, and if `clipped` is given."""
-    depth: NDArray[np.float32] | None = None
+    depth: F32 | None = None
     """(H, W) float32. Distance of each pixel's surface in front of the camera, along its axis, in the unit of the
     camera's pose. Required if the rig's lights are near."""
-    clipped: NDArray[np.bool_] | None = None
+    clipped: Bools | None = None
     """(H, W, 3) bool. Where a channel is saturated; None if `clip` decides it."""
-    white: NDArray[np.float32] | None = None
+    white: F32 | None = None
     """(H, W, 3) float32. Linear RGB of the same pose under white light. Values outside the mask that are not finite
     become zero. Clipped pixels keep their value, a lower bound."""
-    white_clipped: NDArray[np.bool_] | None = None
+    white_clipped: Bools | None = None
     """(H, W, 3) bool. Where a channel of `white` is saturated; None if nowhere."""
-    white_light: NDArray[np.float64] | None = None
+    white_light: F64 | None = None
     """(3,) float64. Unit vector from the surface to the one lamp that lit `white`; None if the rig's three lights,
     turned white, lit it."""
 
@@ -104,7 +154,14 @@ class Capture(Shown):
             image = image.astype(np.float32, copy=False)
         if image.ndim != 3 or image.shape[2] != 3:
             raise FormatError(f"a photo has three channels per pixel; this one has shape {image.shape}")
-        self._check_sizes(mask.shape, image.shape)
+        shapes = {
+            "the mask": mask.shape,
+            "the camera": None if self.camera is None else (self.camera.height, self.camera.width),
+            "the depth": None if self.depth is None else np.shape(self.depth),
+        }
+        for name, shape in shapes.items():
+            if shape is not None:
+                check_same_size(name, shape, "the photo", image.shape[:2])
         if not mask.any():
             raise NoObject("the mask is empty: no pixel of the object is marked; choose another mask or threshold")
         if self.clipped is not None:
@@ -112,16 +169,11 @@ class Capture(Shown):
             check_same_size("what is clipped", self.clipped.shape, "the photo", image.shape)
         image = _finite_and_lit(image, mask, "photo", "were the lights on, and is it the right mask?")
         if self.rig.near is not None and (self.camera is None or self.depth is None):
-            raise GeometryError(
-                "the rig's lights stand near the object, so its distance counts: give the camera, and the object's "
-                "mesh or distance"
-            )
+            raise GeometryError("the rig's lights are near: give the camera, and the object's mesh or distance")
         if self.depth is not None:
             depth = np.asarray(self.depth, np.float32)
             if not (np.isfinite(depth) & (depth > 0)).all(where=mask):
-                raise GeometryError(
-                    "the object's depth is not above 0 everywhere inside the mask; check camera and mesh"
-                )
+                raise GeometryError("the object's depth is not above 0 everywhere in the mask; check camera and mesh")
             object.__setattr__(self, "depth", depth)
         if self.white is not None:
             if self.white_clipped is not None:
@@ -132,37 +184,27 @@ class Capture(Shown):
         object.__setattr__(self, "image", image)
         object.__setattr__(self, "mask", mask)
 
-    def _check_sizes(self, mask: tuple[int, ...], photo: tuple[int, ...]) -> None:
-        parts = {
-            "the mask": mask,
-            "the camera": None if self.camera is None else (self.camera.height, self.camera.width),
-            "the depth": None if self.depth is None else np.shape(self.depth),
-        }
-        for name, shape in parts.items():
-            if shape is not None:
-                check_same_size(name, shape, "the photo", photo[:2])
-
     def facts(self) -> str:
         extras = (("camera", self.camera), ("depth", self.depth), ("white photo", self.white))
         known = [name for name, value in extras if value is not None]
         return ", ".join([f"object of {self.mask.sum():,} pixels", *known])
 
-    def picture(self, step: int = 1) -> NDArray[np.float32]:
+    def picture(self, step: int = 1) -> F32:
         from mpsnet_core.scene.pictures import mask_bands
 
         return mask_bands(self.image[::step, ::step], self.mask[::step, ::step])(slice(None))
 
     @property
-    def saturated(self) -> NDArray[np.bool_]:
+    def saturated(self) -> Bools:
         """(H, W, 3) whether a channel is saturated."""
         return self.saturated_in(slice(None))
 
     @property
-    def saturated_lights(self) -> NDArray[np.bool_]:
+    def saturated_lights(self) -> Bools:
         """(H, W, 3) whether saturation affects a light after unmixing. Read-only."""
         return self.saturated_lights_in(slice(None))
 
-    def saturated_lights_in(self, rows: slice) -> NDArray[np.bool_]:
+    def saturated_lights_in(self, rows: slice) -> Bools:
         """(h, W, 3) whether saturation affects a light after unmixing, for some rows. Read-only."""
         saturated = self.saturated_in(rows)
         if np.array_equal(self.rig.mixing, np.eye(3)):
@@ -170,12 +212,12 @@ class Capture(Shown):
         # Unmixing computes each light from all channels, so one saturated channel affects all three.
         return np.broadcast_to(saturated.any(axis=-1, keepdims=True), saturated.shape)
 
-    def saturated_in(self, rows: slice) -> NDArray[np.bool_]:
+    def saturated_in(self, rows: slice) -> Bools:
         """(h, W, 3) whether a channel is saturated, for some rows."""
         return self.image[rows] >= SATURATED_SHARE * self.clip if self.clipped is None else self.clipped[rows]
 
 
-def finite_inside(image: NDArray[T], mask: NDArray[np.bool_], name: str) -> NDArray[T]:
+def finite_inside(image: NDArray[T], mask: Bools, name: str) -> NDArray[T]:
     """The image (H, W, 3) with zeros in place of values that are not finite; unchanged if there are none.
 
     Raises FormatError if such a value is inside the mask.
@@ -195,7 +237,7 @@ def finite_inside(image: NDArray[T], mask: NDArray[np.bool_], name: str) -> NDAr
     return result
 
 
-def _finite_and_lit(image: NDArray[T], mask: NDArray[np.bool_], name: str, black: str) -> NDArray[T]:
+def _finite_and_lit(image: NDArray[T], mask: Bools, name: str, black: str) -> NDArray[T]:
     """As :func:`finite_inside`. Raises GeometryError, with the question `black`, if the image is black in the mask."""
     result = finite_inside(image, mask, name)
     if not any((result[..., channel] > 0).any(where=mask) for channel in range(3)):
@@ -203,9 +245,7 @@ def _finite_and_lit(image: NDArray[T], mask: NDArray[np.bool_], name: str, black
     return result
 
 
-def checked_white(
-    white: NDArray[np.float32], clipped: NDArray[np.bool_] | None, mask: NDArray[np.bool_]
-) -> NDArray[np.float32]:
+def checked_white(white: F32, clipped: Bools | None, mask: Bools) -> F32:
     white = np.asarray(white, np.float32)
     if white.ndim != 3 or white.shape[2] != 3:
         raise FormatError(f"a white photo has three channels per pixel; this one has shape {white.shape}")
@@ -216,18 +256,14 @@ def checked_white(
     return white
 
 
-def _towards_lamp(direction: ArrayLike) -> NDArray[np.float64]:
+def _towards_lamp(direction: ArrayLike) -> F64:
     towards = np.asarray(direction, np.float64)
     if towards.shape != (3,) or not np.isfinite(towards).all() or towards[2] <= 0:
-        raise GeometryError(
-            f"the white light is not in front of the object ({direction!r}); give where it was, z above 0"
-        )
+        raise GeometryError(f"the white light is not in front of the object ({direction!r}); its z must be above 0")
     return np.asarray(towards / np.linalg.norm(towards))
 
 
-def depth_within(
-    mask: NDArray[np.bool_], depth: NDArray[np.float32] | float | None, rig: LightRig
-) -> NDArray[np.float32] | None:
+def depth_within(mask: Bools, depth: F32 | float | None, rig: LightRig) -> F32 | None:
     """(H, W) depth at every pixel of the mask, with unknown depth filled in; None for distant lights.
 
     depth: as in :func:`mpsnet_core.read_capture`. Raises InputError if it does not fit the mask.
@@ -266,7 +302,7 @@ def _log_assumed_unit(distance: float, near: NearLights) -> None:
         log.warning(words, distance, expected)
 
 
-def channel_angles(values: NDArray[np.float64]) -> NDArray[np.float64] | None:
+def channel_angles(values: F64) -> F64 | None:
     """(3,) angles in radians between the channels red and green, red and blue, green and blue as vectors over pixels.
 
     values: (N, 3). None if the whole object faces one way, unless the channels are equal: a flat object's channels are

@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import Literal, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mpsnet_core.arrays.mask_regions import (
     dilated,
@@ -21,14 +20,15 @@ from mpsnet_core.arrays.resampling import block_means
 from mpsnet_core.arrays.row_bands import bands
 from mpsnet_core.arrays.sizes import SAME_CAMERA, check_same_size
 from mpsnet_core.arrays.statistics import deviation
-from mpsnet_core.capture.correction import Correction, corrected
-from mpsnet_core.capture.decode import AS_STATED, PhotoReadOptions
+from mpsnet_core.arrays.types import F32, I32, I64, Bools
+from mpsnet_core.capture.decode import AS_STATED, Correction, PhotoReadOptions, corrected
 from mpsnet_core.defaults import MASK
 from mpsnet_core.errors import FileError, NoObject, Note, SettingsError
 from mpsnet_core.io.from_files import takes_files
 from mpsnet_core.io.image import Image
 from mpsnet_core.io.image_encoding import Encoding
 from mpsnet_core.io.image_reading import read_mask
+from mpsnet_core.io.opening import AnyPath
 from mpsnet_core.io.provenance import fingerprint
 
 log = logging.getLogger(__name__)
@@ -61,13 +61,13 @@ NOISE_SHARE, SMALL_SHARE, LARGE_SHARE = 0.002, 0.01, 0.8
 @takes_files
 def find_mask(
     image: Image,
-    choice: str | os.PathLike[str] = MASK,
+    choice: AnyPath = MASK,
     *,
     encoding: Encoding = "auto",
     layer: str | None = None,
     correction: Correction | None = None,
     notes: MaskNotes = "all",
-) -> NDArray[np.bool_]:
+) -> Bools:
     """The object's pixels in a photo.
 
     Parameters
@@ -95,9 +95,7 @@ def find_mask(
     return mask_of(image, choice, PhotoReadOptions(encoding, layer, correction), notes)
 
 
-def mask_of(
-    image: Image, choice: str | os.PathLike[str], options: PhotoReadOptions = AS_STATED, notes: MaskNotes = "all"
-) -> NDArray[np.bool_]:
+def mask_of(image: Image, choice: AnyPath, options: PhotoReadOptions = AS_STATED, notes: MaskNotes = "all") -> Bools:
     """As :func:`find_mask`, which takes the options one by one.
 
     "alpha-or-none" is the photo's alpha if it has any, else the whole photo.
@@ -129,9 +127,7 @@ def mask_of(
         return background_mask(image.pixels, background.pixels, notes)
     if not Path(words).exists():
         known = ", ".join(WORDS)
-        raise FileError(
-            f"mask {words} does not exist, and is none of {known}, threshold:T and background:FILE; check it"
-        )
+        raise FileError(f"mask {words} does not exist, and is none of {known}, threshold:T, background:FILE; check it")
     return read_mask(words)
 
 
@@ -141,7 +137,7 @@ def _read_background(file: str, photo: Image, options: PhotoReadOptions) -> Imag
     return corrected(options.companion(file, photo), options.correction)
 
 
-def _whole(image: Image) -> NDArray[np.bool_]:
+def _whole(image: Image) -> Bools:
     """(H, W) True everywhere; a read-only broadcast that takes no memory."""
     return np.broadcast_to(np.True_, image.pixels.shape[:2])
 
@@ -158,7 +154,7 @@ def mask_identity(choice: str) -> str:
     return fingerprint(choice) if mask_source(choice) else choice
 
 
-def threshold_mask(pixels: NDArray[np.float32], threshold: str | float) -> NDArray[np.bool_]:
+def threshold_mask(pixels: F32, threshold: str | float) -> Bools:
     """(H, W) whether the brightest channel is above `threshold` (0 to 1) times its 99.9th percentile."""
     try:
         level = float(threshold)
@@ -166,11 +162,11 @@ def threshold_mask(pixels: NDArray[np.float32], threshold: str | float) -> NDArr
         level = -1.0
     if not 0 <= level < 1:
         raise SettingsError(f"a mask threshold is a number from 0 up to 1, not {threshold!r}; 0.05 is a good start")
-    brightest: NDArray[np.float32] = np.nan_to_num(pixels.max(axis=-1), posinf=0.0)
+    brightest: F32 = np.nan_to_num(pixels.max(axis=-1), posinf=0.0)
     return brightest > level * np.percentile(brightest, 99.9)
 
 
-def auto_mask(pixels: NDArray[np.float32], notes: MaskNotes = "all", *, clearly: bool = False) -> NDArray[np.bool_]:
+def auto_mask(pixels: F32, notes: MaskNotes = "all", *, clearly: bool = False) -> Bools:
     """(H, W) the object in front of a dark or plain background that covers most of the image border.
 
     pixels: (H, W, 3) linear. The background model is a quadratic in x and y per channel, fitted to the border. The
@@ -189,16 +185,14 @@ def auto_mask(pixels: NDArray[np.float32], notes: MaskNotes = "all", *, clearly:
     photo = _display_values(small, white)
     behind = _smooth_background(photo)
 
-    def contrast(rows: slice) -> NDArray[np.float32]:
+    def contrast(rows: slice) -> F32:
         lines, columns = np.arange(rows.start, rows.stop) // factor, np.arange(pixels.shape[1]) // factor
         return _contrast(_display_values(pixels[rows], white), behind[lines][:, columns])
 
     return _refine_outline(_segment(photo, behind, notes, clearly), contrast, factor, pixels.shape[:2])
 
 
-def background_mask(
-    pixels: NDArray[np.float32], background: NDArray[np.float32], notes: MaskNotes = "all"
-) -> NDArray[np.bool_]:
+def background_mask(pixels: F32, background: F32, notes: MaskNotes = "all") -> Bools:
     """(H, W) where the photo differs from a photo of the same scene without the object.
 
     pixels, background: (H, W, 3) linear, under the same lights. The exposures may differ: their ratio is measured at
@@ -213,7 +207,7 @@ def background_mask(
     scale = white / _exposure_ratio(small, empty)
     photo, behind = _display_values(small, white), _display_values(empty, scale)
 
-    def contrast(rows: slice) -> NDArray[np.float32]:
+    def contrast(rows: slice) -> F32:
         return _contrast(_display_values(pixels[rows], white), _display_values(background[rows], scale))
 
     return _refine_outline(_segment(photo, behind, notes), contrast, factor, pixels.shape[:2])
@@ -225,15 +219,13 @@ def background_mask(
 class _Segmentation(NamedTuple):
     """The object in the small image."""
 
-    mask: NDArray[np.bool_]
+    mask: Bools
     """(h, w). The object's mask."""
     threshold: float
     """Threshold of the contrast between object and background."""
 
 
-def _segment(
-    photo: NDArray[np.float32], behind: NDArray[np.float32], notes: MaskNotes, clearly: bool = False
-) -> _Segmentation:
+def _segment(photo: F32, behind: F32, notes: MaskNotes, clearly: bool = False) -> _Segmentation:
     """The object, where a photo differs from its background; both (H, W, 3) display values."""
     contrast = _contrast(photo, behind)
     at_border = contrast[_border(contrast.shape)]
@@ -253,27 +245,22 @@ def _segment(
     return _Segmentation(mask, threshold)
 
 
-def _clean_up(
-    mask: NDArray[np.bool_], contrast: NDArray[np.float32], threshold: float, *, dark: bool
-) -> NDArray[np.bool_]:
+def _clean_up(mask: Bools, contrast: F32, threshold: float, *, dark: bool) -> Bools:
     """The mask without specks, with gaps closed and holes filled that a shadow may have made."""
     mask = remove_small_regions(mask, PART * labelled(mask)[1][1:].max(initial=0))
     gap = max(1, round(GAP * max(mask.shape)))
     mask = eroded(dilated(mask, gap), gap)
 
-    def by_shadow(labels: NDArray[np.int32], sizes: NDArray[np.int64]) -> NDArray[np.bool_]:
+    def by_shadow(labels: I32, sizes: I64) -> Bools:
         unlike = np.bincount(labels.ravel(), contrast.ravel(), len(sizes)) / np.maximum(sizes, 1)
         area = sizes[0]
-        chosen: NDArray[np.bool_] = (sizes <= SPECK * area) | (
-            (sizes <= SHADOW * area) & (dark | (unlike > threshold / 2))
-        )
-        return chosen
+        return (sizes <= SPECK * area) | ((sizes <= SHADOW * area) & (dark | (unlike > threshold / 2)))
 
     mask = fill_holes(mask, by_shadow)
     return remove_small_regions(mask, PART * labelled(mask)[1][1:].max(initial=0))
 
 
-def _doubts(mask: NDArray[np.bool_], clearness: float) -> Iterator[Note]:
+def _doubts(mask: Bools, clearness: float) -> Iterator[Note]:
     share, touching = mask.mean(), mask[_border(mask.shape, 1)].mean()
     if clearness < CLEAR:
         yield Note("object and background hardly differ in places: look at the mask before you use it")
@@ -295,7 +282,7 @@ def _doubts(mask: NDArray[np.bool_], clearness: float) -> Iterator[Note]:
         yield small if share < SMALL_SHARE else Note("the mask is large for an object: look at it before you use it")
 
 
-def _otsu(values: NDArray[np.float32]) -> tuple[float, float]:
+def _otsu(values: F32) -> tuple[float, float]:
     """Otsu's threshold and criterion: the variance between the classes divided by the total variance, 0 to 1."""
     counts, edges = np.histogram(values, 256)
     share, middles = counts / counts.sum(), (edges[1:] + edges[:-1]) / 2
@@ -312,7 +299,7 @@ def _otsu(values: NDArray[np.float32]) -> tuple[float, float]:
 # --- the background ---------------------------------------------------------------------------------------------------
 
 
-def _smooth_background(photo: NDArray[np.float32]) -> NDArray[np.float32]:
+def _smooth_background(photo: F32) -> F32:
     """(H, W, 3) the quadratic robustly fitted to the border's values."""
     height, width, channels = photo.shape
     y, x = np.meshgrid(np.linspace(-1, 1, height), np.linspace(-1, 1, width), indexing="ij")
@@ -331,7 +318,7 @@ def _smooth_background(photo: NDArray[np.float32]) -> NDArray[np.float32]:
     return behind
 
 
-def _exposure_ratio(photo: NDArray[np.float32], background: NDArray[np.float32]) -> float:
+def _exposure_ratio(photo: F32, background: F32) -> float:
     """Brightness of the photo relative to the background at the image border; 1 if that is too dark."""
     border = _border(photo.shape)
     shown, empty = photo[border], background[border]
@@ -339,7 +326,7 @@ def _exposure_ratio(photo: NDArray[np.float32], background: NDArray[np.float32])
     return float(np.median(shown[bright] / empty[bright])) if bright.any() else 1.0
 
 
-def _border(shape: tuple[int, ...], wide: int | None = None) -> NDArray[np.bool_]:
+def _border(shape: tuple[int, ...], wide: int | None = None) -> Bools:
     """(H, W) pixels along the image border, `wide` pixels or BORDER_SHARE of the shorter side."""
     wide = wide or max(2, round(BORDER_SHARE * min(shape[:2])))
     border = np.ones(shape[:2], bool)
@@ -351,8 +338,8 @@ def _border(shape: tuple[int, ...], wide: int | None = None) -> NDArray[np.bool_
 
 
 def _refine_outline(
-    found: _Segmentation, contrast: Callable[[slice], NDArray[np.float32]], factor: int, shape: tuple[int, ...]
-) -> NDArray[np.bool_]:
+    found: _Segmentation, contrast: Callable[[slice], F32], factor: int, shape: tuple[int, ...]
+) -> Bools:
     """(H, W) the small mask at full size: along its outline each pixel is thresholded by its own contrast."""
     if factor == 1:
         return found.mask
@@ -367,23 +354,20 @@ def _refine_outline(
     return remove_small_regions(fill_small_holes(mask, fine), fine)
 
 
-def _factor(pixels: NDArray[np.float32]) -> int:
+def _factor(pixels: F32) -> int:
     return int(-(-max(pixels.shape[:2]) // WORKING_SIDE))
 
 
-def _white(small: NDArray[np.float32]) -> NDArray[np.float32]:
+def _white(small: F32) -> F32:
     """(3,) white point of each channel: weak and strong lights count alike."""
-    white: NDArray[np.float32] = np.maximum(np.quantile(small, 0.999, axis=(0, 1)), 1e-9).astype(np.float32)
-    return white
+    return np.maximum(np.quantile(small, 0.999, axis=(0, 1)), 1e-9).astype(np.float32)
 
 
-def _display_values(pixels: NDArray[np.float32], white: NDArray[np.float32]) -> NDArray[np.float32]:
+def _display_values(pixels: F32, white: F32) -> F32:
     """Roughly perceptual values, 0 to 1. The square root also makes shot noise uniform."""
-    shown: NDArray[np.float32] = np.sqrt(np.clip(np.nan_to_num(pixels / white), 0, 1))
-    return shown
+    return np.sqrt(np.clip(np.nan_to_num(pixels / white), 0, 1))
 
 
-def _contrast(photo: NDArray[np.float32], behind: NDArray[np.float32]) -> NDArray[np.float32]:
+def _contrast(photo: F32, behind: F32) -> F32:
     """(H, W) largest difference over the three channels."""
-    contrast: NDArray[np.float32] = np.abs(photo - behind).max(axis=-1)
-    return contrast
+    return np.abs(photo - behind).max(axis=-1)

@@ -2,21 +2,20 @@
 
 import logging
 import os
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from mpsnet_core.arrays.resampling import chosen_pixels
 from mpsnet_core.arrays.sizes import check_same_size
+from mpsnet_core.arrays.types import F32, Bools
 from mpsnet_core.capture.capture import Capture, checked_white, depth_within, doubts
-from mpsnet_core.capture.correction import Correction, corrected
-from mpsnet_core.capture.decode import AS_STATED, PhotoReadOptions, undistorted_photo
+from mpsnet_core.capture.decode import AS_STATED, Correction, PhotoReadOptions, corrected, undistorted_photo
 from mpsnet_core.capture.masks import MaskNotes, mask_of
-from mpsnet_core.capture.sources import MESH, Source
 from mpsnet_core.capture.transfer import (
     CLOSE,
     DECIDED,
@@ -32,11 +31,54 @@ from mpsnet_core.io.frames import expand_images
 from mpsnet_core.io.from_files import takes_files
 from mpsnet_core.io.image import Image
 from mpsnet_core.io.image_encoding import Encoding, otherwise_encoded
+from mpsnet_core.io.opening import AnyPath
 from mpsnet_core.scene.camera import Camera, camera_for
-from mpsnet_core.scene.photogrammetry.posed_photo import undistorted_mask
-from mpsnet_core.scene.rays import depth_of_mesh, mesh_mask
+from mpsnet_core.scene.photogrammetry.posed_photo import Lens, undistorted_mask
+from mpsnet_core.scene.rays import RayScene, depth_of_mesh, mesh_mask
 from mpsnet_core.scene.rig import LightRig
 from mpsnet_core.scene.rig_check import warn_of_wrong_rig
+
+# --- sources: photos that have not been opened yet, with all that is known about them ---------------------------------
+
+
+MESH = "mesh"  # the mask of a posed view: where its camera sees the mesh
+
+
+@dataclass(frozen=True, eq=False)
+class Source:
+    """A photo to open: a still, a frame, a posed view or a material."""
+
+    photo: Path | Callable[[], Image]
+    """Its file, or a function that returns its pixels as read, such as those of a video's frame."""
+    rig: LightRig | None
+    """The lights, in camera space; None if they are unknown. There is then a mask, but no capture."""
+    mask: AnyPath | Callable[[Image], Bools] = MASK
+    """The mask as in :func:`mpsnet_core.read_capture`, :data:`MESH`, or a function that finds the mask (H, W) in the
+    photo."""
+    name: str = ""
+    """Name of the photo in messages; its path by default."""
+    camera: Camera | float | None = None
+    """The camera, the focal length of its lens in mm on a sensor 36 mm wide, or None. A camera of the same aspect ratio
+    is scaled to the photo's size."""
+    lens: Lens | None = None
+    """The distortion to remove; None if there is none."""
+    depth: F32 | float | None = None
+    """(H, W) or a number. Distance of the surface in front of the camera, as in :func:`mpsnet_core.read_capture`."""
+    scene: RayScene | None = None
+    """The object's mesh in the camera's world, in place of the depth."""
+    white: Sequence[AnyPath] = ()
+    """Photos of the same pose under white light, as in :func:`mpsnet_core.read_capture`."""
+    white_light: ArrayLike | None = None
+    """What lit the white photos, as in :func:`mpsnet_core.read_capture`."""
+
+    def __str__(self) -> str:
+        return self.name or str(self.photo)
+
+    @property
+    def file_name(self) -> str:
+        """The name of the file, or of the frame."""
+        return self.photo.name if isinstance(self.photo, Path) else self.name
+
 
 log = logging.getLogger(__name__)
 
@@ -52,16 +94,16 @@ def open_captures(sources: Iterable[Source], options: PhotoReadOptions = AS_STAT
 
 @takes_files
 def read_capture(
-    path: str | os.PathLike[str],
+    path: AnyPath,
     rig: LightRig,
     *,
-    mask: str | os.PathLike[str] = MASK,
+    mask: AnyPath = MASK,
     encoding: Encoding = "auto",
     layer: str | None = None,
     camera: Camera | float | None = None,
-    depth: NDArray[np.float32] | float | None = None,
+    depth: F32 | float | None = None,
     correction: Correction | None = None,
-    white: str | os.PathLike[str] | Sequence[str | os.PathLike[str]] = (),
+    white: AnyPath | Sequence[AnyPath] = (),
     white_light: ArrayLike | None = None,
 ) -> Capture:
     """Read a photo as a capture.
@@ -107,7 +149,7 @@ class MaskedPhoto:
 
     image: Image
     """The corrected and undistorted photo."""
-    mask: NDArray[np.bool_]
+    mask: Bools
     """(H, W). The pixels of the object."""
     camera: Camera | None
     """Its pinhole camera, scaled to the photo's size; None if unknown."""
@@ -209,9 +251,7 @@ class PhotoSet:
             if choice == MESH and camera is not None and source.scene is not None:
                 mask = mask & mesh_mask(camera, source.scene)
                 if not mask.any():
-                    raise GeometryError(
-                        "its camera does not see the mesh; do the cameras and the mesh share one world?"
-                    )
+                    raise GeometryError("its camera does not see the mesh; do cameras and mesh share one world?")
         return MaskedPhoto(image, mask, camera)
 
     def _encoding_evidence(self, source: Source, image: Image, photo: MaskedPhoto) -> float:
@@ -262,7 +302,7 @@ class PhotoSet:
         return replace(capture, white=total, white_clipped=clipped if clipped.any() else None, white_light=light)
 
 
-def _depth(source: Source, photo: MaskedPhoto) -> NDArray[np.float32] | None:
+def _depth(source: Source, photo: MaskedPhoto) -> F32 | None:
     """(H, W) the depth that near lights need, at every pixel of the mask; None for distant ones."""
     assert source.rig is not None
     depth = source.depth
@@ -273,5 +313,5 @@ def _depth(source: Source, photo: MaskedPhoto) -> NDArray[np.float32] | None:
     return depth_within(photo.mask, depth, source.rig) if photo.mask.any() else None  # Capture rejects an empty mask
 
 
-def _white_is_the_photo(path: str | os.PathLike[str]) -> SettingsError:
+def _white_is_the_photo(path: AnyPath) -> SettingsError:
     return SettingsError(f"{path}: the white photo is the photo itself; give the one under white light")

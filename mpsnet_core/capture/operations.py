@@ -13,12 +13,10 @@ from mpsnet_core.progress import Progress, silent
 from mpsnet_core.scene.operations import ReadsPictures, TakesMesh
 
 if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
-
+    from mpsnet_core.arrays.types import Bools
     from mpsnet_core.capture.decode import PhotoReadOptions
+    from mpsnet_core.capture.open import Source
     from mpsnet_core.capture.photo_check import Finding
-    from mpsnet_core.capture.sources import Source
     from mpsnet_core.io.image import Image
     from mpsnet_core.scene.camera import Camera
 
@@ -59,8 +57,7 @@ class ReadsPhotos(ReadsPictures):
 
         Raises SettingsError if there is no flat field to smooth, and the errors of `read_correction`.
         """
-        from mpsnet_core.capture.correction import read_correction
-        from mpsnet_core.capture.decode import PhotoReadOptions
+        from mpsnet_core.capture.decode import PhotoReadOptions, read_correction
 
         if self.flat_smooth and self.flat is None:
             raise SettingsError("--flat-smooth smooths the flat field; give --flat, or leave it out")
@@ -71,7 +68,7 @@ class ReadsPhotos(ReadsPictures):
             )
         return PhotoReadOptions(self.encoding, self.layer, correction)
 
-    def photo_and_mask(self, source: "Source", progress: Progress) -> "tuple[Image, NDArray[np.bool_], float | None]":
+    def photo_and_mask(self, source: "Source", progress: Progress) -> "tuple[Image, Bools, float | None]":
         """A corrected photo, the object's mask (H, W), and the evidence against the usual encoding if it states none.
 
         Raises InputError if a file cannot be read, no object is found, or the mask has another size.
@@ -95,13 +92,26 @@ class TakesLightPhotos(ReadsPhotos):
         help="each photo shows one white light: three photos of an object that did not move, in the order red, green, "
         "blue, as `superpose --channels` takes them",
     )
+    mask: str = option(default=MASK, help="where the object is, as in `estimate`")
+    json: str | None = option(default=None, metavar="FILE", help="write the results as JSON", provenance="none")
+    output: str = option(help="rig file to write: .json", path="file", provenance="none")
+
+    def photos(self, given: Sequence[str], *inputs: str) -> list[Path]:
+        """The photos' files, after checking that the results can be written and overwrite no input."""
+        from mpsnet_core.io.files import check_no_overwrite, writable_path
+        from mpsnet_core.io.frames import expand_images
+
+        files = expand_images(given)
+        outputs = [writable_path(path) for path in (self.output, self.json) if path]
+        check_no_overwrite([*files, *self.inputs(*inputs, mask=self.mask)], outputs)
+        return files
 
     def sources(self, files: Sequence[Path], mask: str) -> "list[Source]":
         """The photos, or the one photo whose channels they are.
 
         Raises SettingsError if something cannot go with photos of one light each.
         """
-        from mpsnet_core.capture.sources import Source
+        from mpsnet_core.capture.open import Source
         from mpsnet_core.capture.superpose import as_channels
         from mpsnet_core.io.frames import in_order_of_lights
 
@@ -166,7 +176,7 @@ class HasViewpoint(TakesMesh, HasLens):
         Raises SettingsError if both of a pair are set, or a mesh without a camera; InputError if a file cannot be read,
         or the camera does not see the mesh.
         """
-        from mpsnet_core.capture.sources import Source
+        from mpsnet_core.capture.open import Source
         from mpsnet_core.io.files import prefix_errors
         from mpsnet_core.scene.camera import Camera
         from mpsnet_core.scene.rays import RayScene, depth_of_mesh
@@ -205,9 +215,7 @@ class Superpose(ReadsPictures):
         help="make the red, green and blue channels from three photos, each under one white light, in the "
         "rig's order; photos of a folder or pattern are sorted by number",
     )
-    output: str = option(
-        help="the photo under all lights: .exr, or a float .tif; with --channels also .png (sRGB, 16 bits)"
-    )
+    output: str = option(help="the photo under all lights: .exr or float .tif; with --channels also .png (sRGB)")
 
     def run(self, progress: Progress = silent) -> PhotoMade:
         """Write the photo."""
@@ -268,7 +276,7 @@ class FindMask(ReadsPhotos):
 
     def run(self, progress: Progress = silent) -> MaskFound:
         """Write the mask, and the overlay if requested."""
-        from mpsnet_core.capture.sources import Source
+        from mpsnet_core.capture.open import Source
         from mpsnet_core.io.files import check_no_overwrite, writable_image, write_transaction
         from mpsnet_core.io.image_writing import write_mask, write_picture_bands
         from mpsnet_core.scene.pictures import mask_bands
@@ -334,19 +342,15 @@ class Check(ReadsPhotos):
 
     image: str = option(positional=True, help="photo")
     rig: str | None = option(
-        default=None,
-        help="rig file (.json, or .lp with three lights)",
-        unset="the lights are not checked",
-        path="file",
-        provenance="content",
+        default=None, help="rig file (.json, or .lp with three lights)", unset="the lights are not checked", path="file"
     )
     mask: str = option(default=MASK, help="where the object is, as in `mask`")
     json: str | None = option(default=None, metavar="FILE", help="write the findings as JSON", provenance="none")
 
     def run(self, progress: Progress = silent) -> PhotoChecked:
         """Check the photo, and write the findings if requested."""
+        from mpsnet_core.capture.open import Source
         from mpsnet_core.capture.photo_check import check_photo, worst
-        from mpsnet_core.capture.sources import Source
         from mpsnet_core.io.files import check_no_overwrite, prefix_errors, writable_path, write_json
         from mpsnet_core.scene.rig import has_mixing, read_rig
 

@@ -2,15 +2,15 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mpsnet_core.arrays.crests import crests
 from mpsnet_core.arrays.mask_regions import bounding_box, box_sums, dilated
 from mpsnet_core.arrays.resampling import block_means
 from mpsnet_core.arrays.statistics import DEVIATIONS
+from mpsnet_core.arrays.types import F32, F64, Bools, Floats
 from mpsnet_core.arrays.unit_vectors import angular_error
 from mpsnet_core.capture.capture import ALIKE, PAIRS, channel_angles, finite_inside
 from mpsnet_core.capture.transfer import CLOSE, DECIDED
@@ -73,7 +73,7 @@ class Finding:
 
 def check_photo(
     image: Image,
-    mask: NDArray[np.bool_],
+    mask: Bools,
     rig: LightRig | None,
     encoding_evidence: float | None = None,
     *,
@@ -138,7 +138,7 @@ def _worse(*levels: Level) -> Level:
     return max(levels, key=LEVELS.index)
 
 
-def _listed(values: NDArray[np.floating[Any]]) -> list[float]:
+def _listed(values: Floats) -> list[float]:
     return [round(float(one), 4) for one in values]
 
 
@@ -160,7 +160,7 @@ def _encoding(encoding_evidence: float) -> Finding:
     return Finding("encoding", level, words, figures)
 
 
-def _exposure(values: NDArray[np.float64], noise: NDArray[np.float64], full_scale: float | None) -> Finding:
+def _exposure(values: F64, noise: F64, full_scale: float | None) -> Finding:
     bright = np.percentile(values, 99, axis=0)
     highest, weakest = float(bright.max()), int(bright.argmin())
     signal = float((np.percentile(values, 90, axis=0) / np.maximum(noise, 1e-12)).min())
@@ -198,7 +198,7 @@ def _exposure(values: NDArray[np.float64], noise: NDArray[np.float64], full_scal
     return Finding("exposure", level, words, figures)
 
 
-def _clipping(values: NDArray[np.float64], clipped: NDArray[np.bool_]) -> Finding:
+def _clipping(values: F64, clipped: Bools) -> Finding:
     # Float files of raw converters are clipped at 1 without saying so.
     at_one = (values.max(axis=0) <= 1.0) & (values > 0.9999)
     shares = (clipped | at_one).mean(axis=0)
@@ -215,7 +215,7 @@ def _clipping(values: NDArray[np.float64], clipped: NDArray[np.bool_]) -> Findin
     return Finding("clipping", level, words, {"clipped": _listed(shares)})
 
 
-def _channels(values: NDArray[np.float64], rig: LightRig | None) -> Finding:
+def _channels(values: F64, rig: LightRig | None) -> Finding:
     angles = channel_angles(values)
     condition = 1.0 if rig is None else float(np.linalg.cond(rig.mixing))
     figures: Figures = {"mixing_condition": round(condition, 2)}
@@ -251,11 +251,8 @@ def _lights(rig: LightRig) -> Finding:
     angles = np.array([angular_error(rig.directions[one], rig.directions[other]) for one, other in pairs])
     first, second = (CHANNELS[light] for light in pairs[int(angles.argmin())])
     condition, lowest = float(np.linalg.cond(rig.directions)), int(rig.slants.argmax())
-    figures: Figures = {
-        "apart_deg": _listed(angles),
-        "slants_deg": _listed(rig.slants),
-        "condition": round(condition, 2),
-    }
+    figures: Figures = {"apart_deg": _listed(angles), "slants_deg": _listed(rig.slants)}
+    figures["condition"] = round(condition, 2)
     close, low = _level(float(angles.min()), CLOSE_LIGHTS), _level(float(rig.slants[lowest]), LOW_LIGHTS)
     in_line = _level(condition, IN_LINE)
     level = _worse(close, low, in_line)
@@ -278,7 +275,7 @@ def _lights(rig: LightRig) -> Finding:
     return Finding("lights", level, words, figures)
 
 
-def _rig(pixels: NDArray[np.float32], mask: NDArray[np.bool_], rig: LightRig) -> Finding:
+def _rig(pixels: F32, mask: Bools, rig: LightRig) -> Finding:
     fit = check_rig(pixels, mask, rig)
     figures: Figures = {"probability": round(fit.probability, 4)}
     if fit.better:
@@ -297,7 +294,7 @@ def _mixing() -> Finding:
     return Finding("mixing", "watch", words, {})
 
 
-def _reach(values: NDArray[np.float64], noise: NDArray[np.float64], rig: LightRig | None) -> Finding:
+def _reach(values: F64, noise: F64, rig: LightRig | None) -> Finding:
     if rig is not None:
         noise = np.sqrt(np.square(np.linalg.inv(rig.mixing)) @ np.square(noise))
         values = values @ np.linalg.inv(rig.mixing).T
@@ -322,7 +319,7 @@ def _reach(values: NDArray[np.float64], noise: NDArray[np.float64], rig: LightRi
     return Finding("reach", level, words, figures)
 
 
-def _noise(pixels: NDArray[np.float64], inside: NDArray[np.bool_]) -> NDArray[np.float64]:
+def _noise(pixels: F64, inside: Bools) -> F64:
     """(3,) standard deviation of the noise in the smoothest fifth of the object; 0 if unknown.
 
     Measured by second differences along short row segments: those of smooth shading nearly vanish.
@@ -338,7 +335,7 @@ def _noise(pixels: NDArray[np.float64], inside: NDArray[np.bool_]) -> NDArray[np
     return np.asarray(DEVIATIONS * np.percentile(np.median(runs, axis=1), 20, axis=0), np.float64)
 
 
-def _focus(pixels: NDArray[np.floating[Any]], mask: NDArray[np.bool_], noise: NDArray[np.float64]) -> Finding:
+def _focus(pixels: Floats, mask: Bools, noise: F64) -> Finding:
     side = np.sqrt(np.count_nonzero(mask))
     factor = max(1, int(side / FOCUS_SIDE))
     # A very blurred outline is an edge in a smaller image. There only the outline counts: shading may look like edges.
@@ -361,9 +358,7 @@ def _focus(pixels: NDArray[np.floating[Any]], mask: NDArray[np.bool_], noise: ND
     return Finding("focus", level, words, figures)
 
 
-def _sharpest_edges(
-    pixels: NDArray[np.floating[Any]], mask: NDArray[np.bool_], noise: NDArray[np.float64], factor: int, outline: bool
-) -> float | None:
+def _sharpest_edges(pixels: Floats, mask: Bools, noise: F64, factor: int, outline: bool) -> float | None:
     """Standard deviation of the blur in pixels, at the sharpest edges of paint and outline, or of the outline alone.
 
     Compares the gradients of two smoothed images, after Zhuo and Sim, "Defocus map estimation from a single image",

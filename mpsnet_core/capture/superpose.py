@@ -1,23 +1,23 @@
 """Combine photos of one light each: add up photos of coloured lights, make photos of white lights the channels."""
 
 import logging
-import os
 from collections.abc import Sequence
 from functools import partial
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mpsnet_core.arrays.types import F32
 from mpsnet_core.capture.decode import warn_of_other_exposures
 from mpsnet_core.errors import NoObject, SettingsError
 from mpsnet_core.io.image import Image, in_one_frame, warn_of_saturation
 from mpsnet_core.io.image_encoding import Encoding
 from mpsnet_core.io.image_reading import read_image
+from mpsnet_core.io.opening import AnyPath
 
 log = logging.getLogger(__name__)
 
 
-def superpose(photos: Sequence[str | os.PathLike[str]], *, encoding: Encoding = "auto") -> Image:
+def superpose(photos: Sequence[AnyPath], *, encoding: Encoding = "auto") -> Image:
     """The sum of photos of an object that did not move.
 
     Parameters
@@ -43,7 +43,7 @@ def superpose(photos: Sequence[str | os.PathLike[str]], *, encoding: Encoding = 
     return _together(images, np.sum([image.pixels for image in images], axis=0))
 
 
-def as_channels(photos: Sequence[str | os.PathLike[str]], *, encoding: Encoding = "auto") -> Image:
+def as_channels(photos: Sequence[AnyPath], *, encoding: Encoding = "auto") -> Image:
     """Three photos of an object that did not move, each under one white light, as the channels of one photo.
 
     Pixels of a photo that are clipped in any channel become at least 1.
@@ -71,16 +71,14 @@ def as_channels(photos: Sequence[str | os.PathLike[str]], *, encoding: Encoding 
     if len(photos) != 3:
         raise SettingsError(f"{len(photos)} photo(s) where three are needed, one for each light in the rig's order")
     images = _read(photos, encoding, grey=True)
-    means = [
-        np.where(
-            image.saturated.any(axis=-1), np.maximum(np.float32(1), image.pixels.max()), image.pixels.mean(axis=-1)
-        )
-        for image in images
-    ]
+    means = []
+    for image in images:
+        clipped, full = image.saturated.any(axis=-1), np.maximum(np.float32(1), image.pixels.max())
+        means.append(np.where(clipped, full, image.pixels.mean(axis=-1)))
     return _together(images, np.stack(means, axis=-1))
 
 
-def _read(photos: Sequence[str | os.PathLike[str]], encoding: Encoding, grey: bool) -> list[Image]:
+def _read(photos: Sequence[AnyPath], encoding: Encoding, grey: bool) -> list[Image]:
     if not photos:
         raise SettingsError("there is no photo to superpose; give one for each light")
     images = [*in_one_frame(photos, partial(read_image, encoding=encoding, grey=grey))]
@@ -92,10 +90,10 @@ def _read(photos: Sequence[str | os.PathLike[str]], encoding: Encoding, grey: bo
     return images
 
 
-def _together(images: Sequence[Image], pixels: NDArray[np.float32]) -> Image:
+def _together(images: Sequence[Image], pixels: F32) -> Image:
     """A photo made of others. What they do not state of their encoding, it does not state either."""
     alphas = [image.alpha for image in images if image.alpha is not None]
-    alpha: NDArray[np.float32] | None = np.max(alphas, axis=0) if alphas else None
+    alpha: F32 | None = np.max(alphas, axis=0) if alphas else None
     if alpha is not None and not alpha.any():
         raise NoObject("the photo is completely transparent; make the object visible in renders and to the camera")
     assumed = images[0].assumed if len({image.assumed for image in images}) == 1 else None

@@ -2,13 +2,13 @@
 
 import logging
 from collections.abc import Sequence
-from typing import Any, TypeVar
+from typing import TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mpsnet_core.arrays.gradient_derivatives import gradient_derivatives
 from mpsnet_core.arrays.resampling import block_means
+from mpsnet_core.arrays.types import F32, Bools, Floats
 from mpsnet_core.io.image import Assumed, linear_to_srgb, srgb_to_linear
 from mpsnet_core.scene.rig import LightRig
 from mpsnet_core.scene.rig_check import equal_albedo
@@ -67,9 +67,7 @@ def warn_of_transfer_curve(name: str, assumed: Assumed, *, decided: bool) -> Non
         )
 
 
-def evidence_for_linear(
-    pixels: NDArray[np.floating[Any]], mask: NDArray[np.bool_], rig: LightRig, *, as_srgb: bool = True
-) -> float:
+def evidence_for_linear(pixels: Floats, mask: Bools, rig: LightRig, *, as_srgb: bool = True) -> float:
     """Evidence that a photo's file holds linear values, not sRGB ones; above 0 linear is likelier.
 
     pixels: (H, W, 3) linearised by the sRGB curve, whether or not that was right; without `as_srgb` as stored. Returns
@@ -95,7 +93,7 @@ def evidence_for_linear(
     return float(np.log(by_srgb / by_linear)) if by_srgb and by_linear else 0.0
 
 
-def _curl(pixels: NDArray[np.float32], usable: NDArray[np.bool_], block: int, rig: LightRig) -> float:
+def _curl(pixels: F32, usable: Bools, block: int, rig: LightRig) -> float:
     """Mean curl of equation 2's gradients, as a share of all their derivatives; 0 if too few pixels are usable.
 
     pixels: (H, W, 3) unmixed. usable: (H, W). block: side of the blocks to average, in pixels.

@@ -11,7 +11,7 @@ import threading
 from collections.abc import Sequence
 from types import FrameType
 
-from mpsnet_core.uninterrupted import is_uninterrupted
+from mpsnet_core.progress import is_uninterrupted
 
 EXIT_UNFORESEEN = 1
 EXIT_BAD_INPUT = 2

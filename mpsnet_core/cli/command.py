@@ -23,16 +23,14 @@ from mpsnet_core.calibrate.mesh_operation import CalibrateMesh
 from mpsnet_core.calibrate.operations import CalibrateLights, CalibrateMixing
 from mpsnet_core.capture.operations import Check, FindMask, Superpose
 from mpsnet_core.cli import EXIT_BAD_INPUT, EXIT_CANCELLED
-from mpsnet_core.cli.arguments import Parser, Subparsers
-from mpsnet_core.cli.operations import add_operation
+from mpsnet_core.cli.arguments import Parser, Subparsers, add_operation
 from mpsnet_core.cli.reporter import NoteCollector, Reporter, log_level, print_json, refuse
 from mpsnet_core.errors import InputError, SettingsError, printable
 from mpsnet_core.estimate.alignment.operation import Align
 from mpsnet_core.estimate.lights.operation import CalibratePhoto
 from mpsnet_core.estimate.operations import Estimate, ListModels
 from mpsnet_core.io.child_process import only_request
-from mpsnet_core.operation import Operation
-from mpsnet_core.operation_json import from_json
+from mpsnet_core.operation import Operation, from_json
 from mpsnet_core.relief.operations import Integrate, MakeMaterial
 from mpsnet_core.scene.operations import CompareNormals, PreviewLights, WriteCameras
 from mpsnet_core.synthesis.operations import Example, MakeSamples, ShowSamples, Synthesize, Work

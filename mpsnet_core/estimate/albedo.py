@@ -15,9 +15,9 @@ they are white; interreflections are weak.
 import os
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mpsnet_core.arrays.row_bands import bands
+from mpsnet_core.arrays.types import F32, Bools
 from mpsnet_core.capture.capture import Capture
 from mpsnet_core.errors import SettingsError
 from mpsnet_core.estimate.distant_lights import bands_with_lights
@@ -27,6 +27,7 @@ from mpsnet_core.io.image import linear_to_srgb
 from mpsnet_core.io.image_reading import read_image
 from mpsnet_core.io.image_writing import write_image
 from mpsnet_core.io.marks import made
+from mpsnet_core.io.opening import AnyPath
 from mpsnet_core.scene.normal_map import NormalMap
 
 # Lower limit of the shading (a cosine): below, the albedo would be noise. It comes out too dark instead.
@@ -45,7 +46,7 @@ BRIGHTEST, BRIGHTEST_PERCENTILE = 0.9, 99.5
 
 
 @takes_files
-def albedo_from_white(capture: Capture, normals: NormalMap) -> NDArray[np.float32]:
+def albedo_from_white(capture: Capture, normals: NormalMap) -> F32:
     """Albedo of a matt surface from the capture's white photo.
 
     Parameters
@@ -98,13 +99,7 @@ def albedo_from_white(capture: Capture, normals: NormalMap) -> NDArray[np.float3
     return albedo
 
 
-def write_albedo(
-    path: str | os.PathLike[str],
-    albedo: NDArray[np.float32],
-    mask: NDArray[np.bool_] | None = None,
-    *,
-    bits: int | None = None,
-) -> None:
+def write_albedo(path: AnyPath, albedo: F32, mask: Bools | None = None, *, bits: int | None = None) -> None:
     """Write an albedo: as sRGB clipped at 1, or linear in float files (EXR, 32-bit TIFF).
 
     Parameters
@@ -132,7 +127,7 @@ def write_albedo(
     write_image(path, values, bits=bits, color_space=space, description=made("albedo"))
 
 
-def read_albedo(path: str | os.PathLike[str]) -> NDArray[np.float32]:
+def read_albedo(path: AnyPath) -> F32:
     """Read an albedo map, or any colour image as one.
 
     Parameters
@@ -156,12 +151,12 @@ def read_albedo(path: str | os.PathLike[str]) -> NDArray[np.float32]:
     return np.where(image.alpha[..., None] > 0.5, image.pixels, np.float32(np.nan))
 
 
-def _by_rig(capture: Capture, white: NDArray[np.float32], normals: NDArray[np.float32]) -> NDArray[np.float32]:
+def _by_rig(capture: Capture, white: F32, normals: F32) -> F32:
     """(H, W) shading by the rig's three lights, without the light that shadows block."""
     cosines = np.empty(normals.shape, np.float32)
     for rows, lights in bands_with_lights(capture):
         cosines[rows] = np.maximum(np.einsum("...ki,...i->...k", lights, normals[rows]), 0)
-    shading: NDArray[np.float32] = cosines.sum(axis=-1)
+    shading: F32 = cosines.sum(axis=-1)
     grey = normalise_by_white_photo(capture)
     if grey.white is None:
         return shading
@@ -178,13 +173,13 @@ def _by_rig(capture: Capture, white: NDArray[np.float32], normals: NDArray[np.fl
     # A highlight of one light looks like a shadow of the others, but is brighter than pixels lit by all three.
     ceiling = BRIGHTER * np.percentile(white[lit] / shading[lit][:, None], 95, axis=0)
     least = (white / np.maximum(ceiling, 1e-9).astype(np.float32)).max(axis=-1)
-    reached: NDArray[np.float32] = np.maximum((arrives * cosines).sum(axis=-1), least)
+    reached: F32 = np.maximum((arrives * cosines).sum(axis=-1), least)
     return np.minimum(reached, shading)
 
 
-def _comparable(capture: Capture, white: NDArray[np.float32]) -> NDArray[np.bool_]:
+def _comparable(capture: Capture, white: F32) -> Bools:
     """(H, W, 3) whether the photos show how much of a light arrives: not clipped, and not too dark in the white one."""
-    bright: NDArray[np.bool_] = white > DARK * np.percentile(white[capture.mask], 99, axis=0)
+    bright: Bools = white > DARK * np.percentile(white[capture.mask], 99, axis=0)
     valid = capture.mask[..., None] & ~capture.saturated & bright
     if capture.white_clipped is not None:
         valid &= ~capture.white_clipped

@@ -46,12 +46,10 @@ def warn_of_ambient_light(capture: Capture, normals: NormalMap) -> None:
     if share is None:
         share, most = rim_brightness(capture, normals), SHADOW_AT_RIM
     if share is not None and share > most:
-        log.warning(
-            "where a light cannot reach the object, its channel still shows %.0f%% of it, which makes normals flatter: "
-            "light comes from elsewhere, or the rig is wrong about where the lights stand or how their colours mix; "
-            "darken the room, or give a photo with the three lights off with --dark [room-light]",
-            100 * share,
-        )
+        words = "where a light cannot reach the object, its channel still shows %.0f%% of it, which makes normals "
+        words += "flatter: light comes from elsewhere, or the rig is wrong about where the lights stand or how their "
+        words += "colours mix; darken the room, or give a photo with the three lights off with --dark [room-light]"
+        log.warning(words, 100 * share)
 
 
 def shadow_brightness(capture: Capture, normals: NormalMap) -> float | None:

@@ -47,10 +47,10 @@ class ModelCard:
     """Patch only: side of a patch in pixels, odd."""
     frame: Literal["camera", "canonical"] = "camera"
     """Dense and pyramid: "camera", or "canonical" for a network that always sees the first light nearly straight up in
-    the image and the others counter-clockwise from it, see :mod:`mpsnet_core.estimate.light_frame`."""
+    the image and the others counter-clockwise from it, see :mod:`mpsnet_core.estimate.features`."""
     passes: int = 1
     """Canonical only: number of frames to average the network's output over, 1 to 6, see
-    :func:`mpsnet_core.estimate.light_frame.canonical_frames`."""
+    :func:`mpsnet_core.estimate.features.canonical_frames`."""
     magnified: float = 1.0
     """Pyramid only: factor by which a small image is magnified, 1 to 4, see
     :func:`mpsnet_core.estimate.dense.predict_dense`."""
@@ -80,9 +80,7 @@ class ModelCard:
                 raise FormatError(f'its card\'s "inputs" has no list of features for input {name!r}')
             for feature in features:
                 if not isinstance(feature, str) or feature not in FEATURE_CHANNELS:
-                    raise FormatError(
-                        f"its card requests {feature!r}; this program makes {', '.join(FEATURE_CHANNELS)}"
-                    )
+                    raise FormatError(f"its card requests {feature!r}; this program has {', '.join(FEATURE_CHANNELS)}")
             if (constants := CONSTANTS.intersection(features)) and constants != set(features):
                 raise FormatError(
                     f"its card stacks {', '.join(sorted(constants))}, which is one pixel, with maps in input {name!r}; "

@@ -2,23 +2,33 @@
 
 from collections.abc import Iterator
 from dataclasses import replace
-from typing import Any, Protocol, TypeVar
+from typing import Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mpsnet_core.arrays.mask_regions import bounding_box
 from mpsnet_core.arrays.resampling import chosen_pixels, means_inside, upsampled
+from mpsnet_core.arrays.row_bands import bands
+from mpsnet_core.arrays.types import F32, Bools, Floats
 from mpsnet_core.arrays.unit_vectors import normalised
 from mpsnet_core.capture.capture import Capture
 from mpsnet_core.estimate.card import ModelCard
-from mpsnet_core.estimate.features import CONSTANTS, PhotoCrop, channel_count, feature_map, mean_light
-from mpsnet_core.estimate.light_frame import CAMERA_FRAME, LightFrame, canonical_frames
+from mpsnet_core.estimate.features import (
+    CAMERA_FRAME,
+    CONSTANTS,
+    LightFrame,
+    PhotoCrop,
+    canonical_frames,
+    channel_count,
+    feature_map,
+    feature_maps,
+    mean_light,
+)
 from mpsnet_core.io.image import storage_type
 from mpsnet_core.progress import Progress, part
 
 T = TypeVar("T", bound=np.generic)
-Floats = NDArray[np.float32]
 Window = tuple[slice, slice]
 
 # A pyramid starts at the scale where the object's longer side is at most this many pixels.
@@ -33,12 +43,10 @@ READ_AT_ONCE = 1 << 20
 class NetworkRunner(Protocol):
     """Runs an ONNX network: inputs by name to normals (N, 3, H, W) and confidence (N, 1, H, W)."""
 
-    def __call__(self, inputs: dict[str, Floats], count: int, *size: int) -> tuple[Floats, Floats]: ...
+    def __call__(self, inputs: dict[str, F32], count: int, *size: int) -> tuple[F32, F32]: ...
 
 
-def predict_dense(
-    network: NetworkRunner, card: ModelCard, capture: Capture, tile: int, progress: Progress
-) -> NDArray[np.floating[Any]]:
+def predict_dense(network: NetworkRunner, card: ModelCard, capture: Capture, tile: int, progress: Progress) -> Floats:
     """(H, W, 4) normals of `capture`, not normalised, and their confidence; zero outside the mask.
 
     A pyramid's first scale shows the whole object on at most 128 pixels a side. Each further scale has twice the
@@ -51,12 +59,12 @@ def predict_dense(
     Scales, features and outputs are computed a tile at a time: large photos need little memory beyond the photo and
     the returned array.
     """
-    output: NDArray[np.floating[Any]] = np.zeros((*capture.mask.shape, 4), storage_type(capture.mask.shape))
+    output: Floats = np.zeros((*capture.mask.shape, 4), storage_type(capture.mask.shape))
     photo = _Photo(capture)
     frames = canonical_frames(capture.rig.directions, card.passes) if card.frame == "canonical" else [CAMERA_FRAME]
     first = SMALL if card.magnified > 1 else COARSEST
     halvings = photo.halvings(first) if card.kind == "pyramid" else 0
-    previous: NDArray[np.floating[Any]] | None = None
+    previous: Floats | None = None
     if card.magnified > 1:
         rest = sum(4.0**k for k in range(1, halvings + 1))
         share = card.magnified**2 / (card.magnified**2 + rest)
@@ -70,9 +78,8 @@ def predict_dense(
         work = list(_tiles(shape, tile, card.multiple, card.halo))
         for number, (window, place) in enumerate(work):
             if previous is not None:  # free the rows that no further tile reads
-                previous.resize(
-                    (_window_on_previous_scale(window, previous)[0].stop, *previous.shape[1:]), refcheck=False
-                )
+                rows, _ = _window_on_previous_scale(window, previous)
+                previous.resize((rows.stop, *previous.shape[1:]), refcheck=False)
             progress(_share_done(halving, halvings, number / len(work)), f"tile {number + 1} of {len(work)}")
             if photo.holds_object(place, halving):
                 inner, crop = _relative_to_window(place, window), photo.crop(window, halving, previous)
@@ -84,7 +91,7 @@ def predict_dense(
 
 def _predict_magnified(
     network: NetworkRunner, card: ModelCard, photo: "_Photo", halving: int, tile: int, progress: Progress
-) -> Floats:
+) -> F32:
     """(h, w, 4) the output on a scale, estimated from its magnified image."""
     height, width = photo.shape(halving)
     crop = photo.crop((slice(0, height), slice(0, width)), halving, None)
@@ -99,20 +106,16 @@ def _magnified(capture: Capture, crop: PhotoCrop, times: float) -> Capture:
     shape = round(crop.mask.shape[0] * times), round(crop.mask.shape[1] * times)
     light = _resized(crop.light, crop.mask, shape)
     rows, columns = chosen_pixels(*shape, *crop.mask.shape)
-    return Capture(
-        light,
-        crop.mask[rows][:, columns],
-        replace(capture.rig, mixing=np.eye(3)),
-        white=light if crop.grey else None,  # only marks that the white photo has been applied already
-    )
+    rig = replace(capture.rig, mixing=np.eye(3))
+    # The white photo only marks that it has been applied already.
+    return Capture(light, crop.mask[rows][:, columns], rig, white=light if crop.grey else None)
 
 
-def _resized(values: Floats, mask: NDArray[np.bool_], shape: tuple[int, int]) -> Floats:
+def _resized(values: F32, mask: Bools, shape: tuple[int, int]) -> F32:
     """Values (h, w, C) resized bilinearly to (H, W), from the pixels inside the mask only."""
     inside = mask[..., None].astype(np.float32)
     covered = np.maximum(upsampled(inside, shape, slice(None)), np.float32(1e-3))
-    resized: Floats = upsampled(values * inside, shape, slice(None)) / covered
-    return resized
+    return upsampled(values * inside, shape, slice(None)) / covered
 
 
 def _share_done(halving: int, halvings: int, share: float) -> float:
@@ -150,26 +153,24 @@ class _Photo:
         """Whether any pixel of the object is in a window of a scale."""
         return bool(self.capture.mask[self._photo_pixels(*window, halving)].any())
 
-    def crop(self, window: Window, halving: int, previous: NDArray[np.floating[Any]] | None) -> PhotoCrop:
+    def crop(self, window: Window, halving: int, previous: Floats | None) -> PhotoCrop:
         """A window of a scale, with the output (h, w, 4) on the previous scale."""
         light, mask = self._read(window, halving)
         before = None if previous is None else _previous(previous, window)
         rig, grey = self.capture.rig, self.capture.white is not None
         return PhotoCrop(light, mask, rig.directions, self._means, before, rig.is_ground_truth, grey)
 
-    def _read(self, window: Window, halving: int) -> tuple[Floats, NDArray[np.bool_]]:
+    def _read(self, window: Window, halving: int) -> tuple[F32, Bools]:
         shape = window[0].stop - window[0].start, window[1].stop - window[1].start
         image, mask = np.zeros((*shape, 3), np.float32), np.zeros(shape, bool)
         # A few rows of the window at a time: a row of a coarse scale covers many of the photo's own rows.
         rows = max(1, READ_AT_ONCE // (shape[1] << 2 * halving))
         for top in range(0, shape[0], rows):
             part = slice(top, min(top + rows, shape[0]))
-            pixels_of_part = self._photo_pixels(
-                slice(window[0].start + part.start, window[0].start + part.stop), window[1], halving
-            )
-            inside = self.capture.mask[pixels_of_part]
-            pixels = self.capture.image[pixels_of_part].astype(np.float32, copy=False)
-            image[part], mask[part] = means_inside(pixels, inside, halving)
+            own = slice(window[0].start + part.start, window[0].start + part.stop)
+            place = self._photo_pixels(own, window[1], halving)
+            pixels = self.capture.image[place].astype(np.float32, copy=False)
+            image[part], mask[part] = means_inside(pixels, self.capture.mask[place], halving)
         return self.capture.rig.unmixed(image), mask
 
     def _photo_pixels(self, rows: slice, columns: slice, halving: int) -> Window:
@@ -180,7 +181,7 @@ class _Photo:
         return first, second
 
 
-def _previous(output: NDArray[np.floating[Any]], window: Window) -> Floats:
+def _previous(output: Floats, window: Window) -> F32:
     """The map "previous" (h, w, 4) of a window at twice the resolution of `output`; bilinear, ignoring empty pixels."""
     rows, columns = _window_on_previous_scale(window, output)
     part = output[rows, columns].astype(np.float32)
@@ -194,12 +195,12 @@ def _previous(output: NDArray[np.floating[Any]], window: Window) -> Floats:
         for side, source in zip(window, (rows, columns), strict=True)
     )
     part = part[down, right]
-    values: Floats = np.divide(part[..., :4], np.maximum(part[..., 4:], np.float32(1e-3)))
+    values: F32 = np.divide(part[..., :4], np.maximum(part[..., 4:], np.float32(1e-3)))
     values[..., :3] = normalised(values[..., :3])
     return values
 
 
-def _window_on_previous_scale(window: Window, output: NDArray[np.floating[Any]]) -> Window:
+def _window_on_previous_scale(window: Window, output: Floats) -> Window:
     """The part of an output that a window at twice its resolution needs."""
     rows, columns = (
         slice(max(side.start // 2 - 1, 0), min(-(-side.stop // 2) + 1, length))
@@ -208,7 +209,7 @@ def _window_on_previous_scale(window: Window, output: NDArray[np.floating[Any]])
     return rows, columns
 
 
-def _doubled(values: Floats, axis: int) -> Floats:
+def _doubled(values: F32, axis: int) -> F32:
     """Upsample by 2 along an axis, bilinearly: 3/4 of each value and 1/4 of its nearer neighbour."""
     shape = list(values.shape)
     shape[axis] *= 2
@@ -224,7 +225,7 @@ def _doubled(values: Floats, axis: int) -> Floats:
     return twice
 
 
-def _predict_tile(network: NetworkRunner, card: ModelCard, crop: PhotoCrop, frame: LightFrame) -> Floats:
+def _predict_tile(network: NetworkRunner, card: ModelCard, crop: PhotoCrop, frame: LightFrame) -> F32:
     """(H, W, 4) unit normals in camera space and confidence; zero outside the mask."""
     height, width = crop.mask.shape
     size = _padded(frame.picture(crop.mask).shape, card.multiple)
@@ -237,7 +238,7 @@ def _predict_tile(network: NetworkRunner, card: ModelCard, crop: PhotoCrop, fram
     return output[:height, :width] * crop.mask[..., None]
 
 
-def _inputs(card: ModelCard, crop: PhotoCrop, frame: LightFrame) -> dict[str, Floats]:
+def _inputs(card: ModelCard, crop: PhotoCrop, frame: LightFrame) -> dict[str, F32]:
     """The network's inputs by name, (1, C, H, W), in a light frame."""
     turned = _in_frame(crop, frame, card.multiple)
     inputs = {}
@@ -266,15 +267,9 @@ def _in_frame(crop: PhotoCrop, frame: LightFrame, multiple: int) -> PhotoCrop:
     if crop.previous is not None:
         previous = picture(crop.previous)
         previous[..., :3] = previous[..., :3] @ frame.rotation.T.astype(np.float32)
-    return PhotoCrop(
-        picture(crop.light)[..., order],
-        picture(crop.mask),
-        frame.lights(crop.directions),
-        crop.means[order],
-        previous,
-        crop.is_ground_truth,
-        crop.grey,
-    )
+    light, mask = picture(crop.light)[..., order], picture(crop.mask)
+    lights, means = frame.lights(crop.directions), crop.means[order]
+    return crop._replace(light=light, mask=mask, directions=lights, means=means, previous=previous)
 
 
 def _padded(shape: tuple[int, ...], multiple: int) -> tuple[int, ...]:
@@ -289,10 +284,8 @@ def _tiles(shape: tuple[int, int], tile: int, grain: int, halo: int) -> Iterator
     down, right = (_step(length, max(1, tile // grain) * grain, grain, reach) for length in shape)
 
     def grown(top: int, left: int, by: int) -> Window:
-        return (
-            slice(max(top - by, 0), min(top + down + by, height)),
-            slice(max(left - by, 0), min(left + right + by, width)),
-        )
+        rows = slice(max(top - by, 0), min(top + down + by, height))
+        return rows, slice(max(left - by, 0), min(left + right + by, width))
 
     for top in reversed(range(0, height, down)):
         for left in range(0, width, right):
@@ -304,3 +297,37 @@ def _step(length: int, tile: int, grain: int, reach: int) -> int:
     if length <= tile + 2 * reach:
         return max(length, 1)
     return -(-length // -(-length // tile) // grain) * grain
+
+
+# --- patch-wise networks: one small patch around every pixel of the object, in batches --------------------------------
+
+
+# The values between a network's layers stay in the processor's last cache.
+PATCHES_A_BATCH = 128
+
+
+def predict_patches(network: NetworkRunner, card: ModelCard, capture: Capture, progress: Progress) -> F32:
+    """(H, W, 4) normals of `capture`, not normalised, and their confidence; zero outside the mask."""
+    side, reach = card.patch, card.patch // 2
+    box = bounding_box(capture.mask)
+    mask = capture.mask[box]
+    # Maps are zero outside the mask, so the bounding box holds all of them.
+    cut = Capture(capture.image[box], mask, capture.rig, white=None if capture.white is None else capture.white[box])
+    maps = feature_maps(cut, {name for names in card.inputs.values() for name in names})
+    inputs = {name: np.concatenate([maps[f] for f in features]) for name, features in card.inputs.items()}
+    # Constants are shared by all patches; the other inputs are views, indexed by each patch's middle pixel.
+    constants = {name: values for name, values in inputs.items() if CONSTANTS.intersection(card.inputs[name])}
+    windows = {}
+    for name in inputs.keys() - constants.keys():
+        padded = np.pad(inputs[name], [(0, 0), (reach, reach), (reach, reach)])
+        windows[name] = np.lib.stride_tricks.sliding_window_view(padded, (len(padded), side, side))[0]
+    output = np.zeros((*capture.mask.shape, 4), np.float32)
+    inside = output[box]
+    rows, columns = np.nonzero(mask)
+    for some in bands(len(rows), PATCHES_A_BATCH):
+        progress(some.start / len(rows), f"pixel {some.start} of {len(rows)}")
+        y, x = rows[some], columns[some]
+        batch = {name: view[y, x] for name, view in windows.items()}
+        batch |= {name: np.broadcast_to(values, (len(y), *values.shape)) for name, values in constants.items()}
+        inside[y, x] = np.concatenate(network(batch, len(y)), axis=1)
+    return output

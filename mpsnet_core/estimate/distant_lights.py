@@ -11,12 +11,12 @@ treated as matt. This was more accurate than the alternatives, which need an est
 
 from collections.abc import Iterator
 from dataclasses import replace
-from typing import Any, TypeGuard
+from typing import TypeGuard
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mpsnet_core.arrays.row_bands import bands
+from mpsnet_core.arrays.types import F32, F64, Floats
 from mpsnet_core.arrays.unit_vectors import dot
 from mpsnet_core.capture.capture import Capture
 from mpsnet_core.scene.camera import Camera
@@ -45,7 +45,7 @@ def convert_to_distant_view(capture: Capture) -> Capture:
     return _relight(capture, rotate=True)
 
 
-def rotate_to_camera_space(normals: NDArray[np.float32], camera: Camera | None) -> None:
+def rotate_to_camera_space(normals: F32, camera: Camera | None) -> None:
     """Rotate normals (H, W, 3) estimated from :func:`convert_to_distant_view` into camera space, in place."""
     if not _is_perspective(camera):
         return
@@ -61,21 +61,17 @@ def _relight(capture: Capture, *, rotate: bool) -> Capture:
             normals = _rotate(normals, _rotation_to_z(capture.camera, rows))
         lit = normals @ capture.rig.directions.T
         image[rows] = np.where(capture.mask[rows, :, None], np.maximum(lit, 0) if rotate else lit, 0)
-    return replace(
-        capture,
-        image=image,
-        rig=LightRig(capture.rig.directions, is_ground_truth=capture.rig.is_ground_truth),
-        clip=np.inf,
-    )
+    rig = LightRig(capture.rig.directions, is_ground_truth=capture.rig.is_ground_truth)
+    return replace(capture, image=image, rig=rig, clip=np.inf)
 
 
-def bands_with_lights(capture: Capture) -> Iterator[tuple[slice, NDArray[np.float64]]]:
+def bands_with_lights(capture: Capture) -> Iterator[tuple[slice, F64]]:
     """Bands of rows, each with its lights as :func:`lights_in` returns them."""
     for rows in bands(len(capture.mask), ROWS):
         yield rows, lights_in(capture, rows)
 
 
-def lights_in(capture: Capture, rows: slice) -> NDArray[np.float64]:
+def lights_in(capture: Capture, rows: slice) -> F64:
     """Light directions times brightness at the pixels of some rows, one light per matrix row: (h, W, 3, 3), or (3, 3)
     for distant lights."""
     near, camera, depth = capture.rig.near, capture.camera, capture.depth
@@ -85,7 +81,7 @@ def lights_in(capture: Capture, rows: slice) -> NDArray[np.float64]:
     return near.lights_at(camera.points(np.where(capture.mask[rows], depth[rows], 1), rows.start))
 
 
-def pseudo_normals(light: NDArray[np.floating[Any]], lights: NDArray[np.floating[Any]]) -> NDArray[np.float64]:
+def pseudo_normals(light: Floats, lights: Floats) -> F64:
     """Equation 2 with lights for each pixel: normals times albedo, (..., 3).
 
     light: (..., 3) unmixed image values. lights: (..., 3, 3) directions times brightness, one light per row.
@@ -95,34 +91,28 @@ def pseudo_normals(light: NDArray[np.floating[Any]], lights: NDArray[np.floating
     volume = dot(first, across)[..., None]
     # Three lights in one plane determine no normal; keep the division finite.
     volume = np.where(np.abs(volume) < 1e-9, 1e-9, volume)
-    result: NDArray[np.float64] = (
-        light[..., :1] * across + light[..., 1:2] * np.cross(third, first) + light[..., 2:] * np.cross(first, second)
-    ) / volume
-    return result
+    others = light[..., 1:2] * np.cross(third, first) + light[..., 2:] * np.cross(first, second)
+    return (light[..., :1] * across + others) / volume
 
 
-def pseudo_normals_by_light(light: NDArray[np.floating[Any]], lights: NDArray[np.floating[Any]]) -> NDArray[np.float64]:
+def pseudo_normals_by_light(light: Floats, lights: Floats) -> F64:
     """(N, 3, 3) the contribution of each light to :func:`pseudo_normals` of pixels (N, 3); axis 1 sums to it."""
-    parts: NDArray[np.float64] = light[:, :, None] * np.stack(
-        [pseudo_normals(axis, lights) for axis in np.eye(3)], axis=-2
-    )
-    return parts
+    return light[:, :, None] * np.stack([pseudo_normals(axis, lights) for axis in np.eye(3)], axis=-2)
 
 
 def _is_perspective(camera: Camera | None) -> TypeGuard[Camera]:
     return camera is not None and camera.projection == "perspective"
 
 
-def _rotation_to_z(camera: Camera, rows: slice) -> NDArray[np.float64]:
+def _rotation_to_z(camera: Camera, rows: slice) -> F64:
     """(h, W, 3) axes of the smallest rotations from lines of sight onto z; their length is the sine of the angle."""
     towards = -camera.points(np.ones((rows.stop - rows.start, camera.width)), rows.start)
     towards /= np.linalg.norm(towards, axis=-1, keepdims=True)
     return np.cross(towards, [0.0, 0.0, 1.0])
 
 
-def _rotate(vectors: NDArray[np.floating[Any]], axes: NDArray[np.float64]) -> NDArray[np.float64]:
+def _rotate(vectors: Floats, axes: F64) -> F64:
     """Rotate vectors about axes whose length is the sine of the angle, below 90° (Rodrigues' formula)."""
     cosine = np.sqrt(1 - dot(axes, axes))[..., None]
     once = np.cross(axes, vectors)
-    turned: NDArray[np.float64] = vectors + once + np.cross(axes, once) / (1 + cosine)
-    return turned
+    return vectors + once + np.cross(axes, once) / (1 + cosine)

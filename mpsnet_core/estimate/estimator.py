@@ -2,24 +2,76 @@
 
 import logging
 import os
+from dataclasses import replace
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mpsnet_core.arrays.resampling import grid_step
 from mpsnet_core.arrays.row_bands import bands
+from mpsnet_core.arrays.types import F32, Bools, Indices
 from mpsnet_core.capture.capture import Capture
 from mpsnet_core.errors import SettingsError
 from mpsnet_core.estimate.albedo_removal import divide_out_grain, estimate_with_albedo_removed
 from mpsnet_core.estimate.distant_lights import convert_to_distant_lights
 from mpsnet_core.estimate.features import divide_by_means
-from mpsnet_core.estimate.fireflies import remove_fireflies
 from mpsnet_core.estimate.registry import BASELINES, DEFAULT_MODEL, DEFAULT_TILE, LAMBERTIAN_GREY_WORLD, find_network
 from mpsnet_core.estimate.uniform_albedo import refine_normals
 from mpsnet_core.estimate.white_photo import normalise_by_white_photo
 from mpsnet_core.io.from_files import takes_files
+from mpsnet_core.io.opening import AnyPath
 from mpsnet_core.progress import Progress, part, silent
 from mpsnet_core.scene.normal_map import NormalMap
+
+# --- remove fireflies: single pixels of a path-traced render that are hundreds of times too bright --------------------
+# A network sees the photo divided by its mean, and its coarse scales are means of blocks. One firefly among 1,000
+# pixels can be as bright as all the others together. A highlight is not a firefly, however bright: the pixels around it
+# are bright, too.
+
+
+# A firefly is brighter than its neighbours, and than the object's bright pixels, by more than this factor.
+TIMES = 4.0
+# The channel's percentile that counts as bright; no renderer leaves more fireflies than lie above it.
+BRIGHT = 90
+# The neighbour to compare with is the third brightest of eight: two may be fireflies themselves.
+RANK = 3
+SAMPLED = 100_000  # pixels of a large photo
+AROUND = [(down, right) for down in (-1, 0, 1) for right in (-1, 0, 1) if down or right]
+
+
+def remove_fireflies(capture: Capture) -> Capture:
+    """Replace each firefly by its third brightest neighbour, channel by channel.
+
+    A capture without fireflies, or from a sensor, is returned unchanged: a sensor clips.
+    """
+    if np.isfinite(capture.clip) or capture.clipped is not None:
+        return capture
+    image, mask = capture.image, capture.mask
+    step = grid_step(np.count_nonzero(mask), SAMPLED)
+    some = image[::step, ::step][mask[::step, ::step]]
+    if not len(some):
+        return capture
+    bright = np.percentile(some.astype(np.float32), BRIGHT, axis=0)
+    least = TIMES * np.where(bright > 0, bright, np.inf)  # skip a light that reaches few pixels
+    for band in bands(len(image)):
+        rows, columns, channels = np.nonzero((image[band] > least) & mask[band, :, None])
+        rows += band.start
+        around = []
+        for down, right in AROUND:
+            y, x = _mirrored_indices(rows + down, image.shape[0]), _mirrored_indices(columns + right, image.shape[1])
+            around.append(capture.image[y, x, channels])
+        usual = np.sort(around, axis=0)[-RANK]
+        found = image[rows, columns, channels] > TIMES * usual
+        if found.any():
+            image = image.copy() if image is capture.image else image
+            image[rows[found], columns[found], channels[found]] = usual[found]
+    return capture if image is capture.image else replace(capture, image=image)
+
+
+def _mirrored_indices(places: Indices, length: int) -> Indices:
+    """Indices along a side, mirrored at its ends."""
+    return np.asarray(length - 1 - np.abs(length - 1 - np.abs(places)))
+
 
 log = logging.getLogger(__name__)
 
@@ -56,7 +108,7 @@ class Estimator:
 
     def __init__(
         self,
-        model: str | os.PathLike[str] = DEFAULT_MODEL,
+        model: AnyPath = DEFAULT_MODEL,
         *,
         passes: Literal[1, 3] | None = None,
         provider: str = "cpu",
@@ -106,7 +158,7 @@ class Estimator:
 @takes_files
 def estimate_normals(
     capture: Capture,
-    model: str | os.PathLike[str] = DEFAULT_MODEL,
+    model: AnyPath = DEFAULT_MODEL,
     *,
     passes: Literal[1, 3] | None = None,
     provider: str = "cpu",
@@ -153,21 +205,17 @@ def estimate_normals(
     return estimator(capture, progress)
 
 
-def usable_channels(capture: Capture) -> NDArray[np.bool_]:
+def usable_channels(capture: Capture) -> Bools:
     """(H, W, 3) whether a light reaches the pixel and its channel is not saturated."""
     everywhere, usable = bands(len(capture.mask)), np.empty(capture.image.shape, bool)
 
-    def light(rows: slice) -> NDArray[np.float32]:
+    def light(rows: slice) -> F32:
         return capture.rig.unmixed(capture.image[rows])
 
-    bright = [
-        np.percentile(
-            np.concatenate([light(rows)[..., channel][capture.mask[rows]] for rows in everywhere]),
-            99,
-            overwrite_input=True,
-        )
-        for channel in range(3)
-    ]
+    bright = []
+    for channel in range(3):
+        values = np.concatenate([light(rows)[..., channel][capture.mask[rows]] for rows in everywhere])
+        bright.append(np.percentile(values, 99, overwrite_input=True))
     least = SHADOW_SHARE * np.array(bright)
     for rows in everywhere:
         usable[rows] = (light(rows) > least) & ~capture.saturated_lights_in(rows)

@@ -1,14 +1,88 @@
 """Input features of the networks: maps made from a capture, by their names on a model's card."""
 
 from collections.abc import Iterable
-from typing import NamedTuple
+from dataclasses import dataclass
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mpsnet_core.arrays.row_bands import bands
+from mpsnet_core.arrays.types import F32, F64, Bools
 from mpsnet_core.arrays.unit_vectors import normalised
 from mpsnet_core.capture.capture import Capture
+
+# --- The canonical light frame: the first light nearly straight up in the image, the others counter-clockwise from it
+
+
+T = TypeVar("T", bound=np.generic)
+
+QUARTER_TURN = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
+MIRROR = np.diag([-1.0, 1.0, 1.0])
+# The tilt of a light closer to the viewing axis than this (the sine of 3 degrees) is unreliable.
+MIN_SINE = 0.05
+
+
+@dataclass(frozen=True)
+class LightFrame:
+    """A change of frame for image and lights: quarter turns about the viewing axis, a reflection, reordered lights.
+
+    No pixel is resampled. The remaining rotation of up to 45 degrees is visible to the network in the lights'
+    directions.
+    """
+
+    order: tuple[int, int, int] = (0, 1, 2)
+    """Indices of the rig's lights that become the first, second and third."""
+    quarter_turns: int = 0
+    """Number of quarter turns counter-clockwise (x towards y), as in :func:`numpy.rot90`."""
+    mirrored: bool = False
+    """Whether left and right are then swapped."""
+
+    @property
+    def rotation(self) -> F64:
+        """(3, 3) matrix from camera space into the frame, for column vectors; a reflection if mirrored."""
+        turn = np.linalg.matrix_power(QUARTER_TURN, self.quarter_turns)
+        return MIRROR @ turn if self.mirrored else turn
+
+    def lights(self, directions: F64) -> F64:
+        """(3, 3) the rig's directions in the frame and in its order, one light per row."""
+        return directions[list(self.order)] @ self.rotation.T
+
+    def picture(self, values: NDArray[T]) -> NDArray[T]:
+        """An image (H, W, ...) in the frame. It is a view: writing to it changes `values`."""
+        turned = np.rot90(values, self.quarter_turns)
+        return turned[:, ::-1] if self.mirrored else turned
+
+
+CAMERA_FRAME = LightFrame()
+
+
+def canonical_frames(directions: F64, passes: int = 6) -> list[LightFrame]:
+    """Frames with counter-clockwise lights, sorted by how close their first light is to straight up.
+
+    directions: (3, 3) one light per row, in camera space. passes: number of frames, 1 to 6. Each light can be the
+    first, in the image and in its mirror image; the two follow one another. With lights 120° apart, the first light of
+    the first two frames is at most 15° from straight up.
+
+    Counter-clockwise is the orientation of the lights' triangle as the camera sees it. It is defined even if a light is
+    on the viewing axis. Frames whose first light is on it come last.
+    """
+    found = []
+    for mirrored in (False, True):
+        seen = directions @ MIRROR if mirrored else directions
+        order = [0, 1, 2] if np.linalg.det(seen) > 0 else [0, 2, 1]
+        for first in range(3):
+            turned = order[first], order[(first + 1) % 3], order[(first + 2) % 3]
+            x, y = seen[turned[0], :2]
+            turn = 90.0 - np.degrees(np.arctan2(y, x))
+            # Round halves up, independent of the sign: a scene and its rotated copy must get the same frame.
+            quarters = int(np.floor(round(turn / 90, 6) + 0.5))
+            # The reflection comes last and reverses the sense of the rotation before it.
+            frame = LightFrame(turned, (-quarters if mirrored else quarters) % 4, mirrored)
+            found.append((np.hypot(x, y) < MIN_SINE, round(abs(turn - 90 * quarters), 6), frame))
+    found.sort(key=lambda entry: entry[:2])  # stable: on a tie the unmirrored frame is first
+    return [frame for *_, frame in found[:passes]]
+
 
 # Channels of each map. Maps are zero outside the mask.
 FEATURE_CHANNELS = {
@@ -30,13 +104,13 @@ CONSTANTS = frozenset({"lights", "channel_means", "given", "exact"})
 MIN_MEAN = 1e-4
 
 
-def divide_by_means(image: NDArray[np.float32], means: NDArray[np.float64] | float) -> NDArray[np.float32]:
+def divide_by_means(image: F32, means: F64 | float) -> F32:
     """The image (..., 3) divided by one mean, or each channel by its own; by 1 if that is not above 0."""
-    divisor: NDArray[np.float32] = np.where(np.greater(means, 0), means, 1).astype(np.float32)
+    divisor: F32 = np.where(np.greater(means, 0), means, 1).astype(np.float32)
     return image / divisor
 
 
-def initial_normals(image: NDArray[np.float32], directions: NDArray[np.float64]) -> NDArray[np.float32]:
+def initial_normals(image: F32, directions: F64) -> F32:
     """Equation 2: ``n = L⁻¹ c``, normalised.
 
     image: (..., 3) linear, one channel per light. directions: (3, 3), one unit vector per row. Returns (..., 3) unit
@@ -53,15 +127,15 @@ def channel_count(features: Iterable[str]) -> int:
 class PhotoCrop(NamedTuple):
     """A window of a photo on some scale, and properties of the whole photo."""
 
-    light: NDArray[np.float32]
+    light: F32
     """(H, W, 3). Unmixed image."""
-    mask: NDArray[np.bool_]
+    mask: Bools
     """(H, W). The object."""
-    directions: NDArray[np.float64]
+    directions: F64
     """(3, 3). Light directions in camera space, one light per row."""
-    means: NDArray[np.float64]
+    means: F64
     """(3,). Mean of `light` over the whole mask."""
-    previous: NDArray[np.float32] | None = None
+    previous: F32 | None = None
     """(H, W, 4). The map "previous"; None on the first scale."""
     is_ground_truth: bool = False
     """Whether the lights are known exactly."""
@@ -69,20 +143,14 @@ class PhotoCrop(NamedTuple):
     """Whether a white photo removed the surface's colour."""
 
 
-def feature_maps(capture: Capture, names: Iterable[str]) -> dict[str, NDArray[np.float32]]:
+def feature_maps(capture: Capture, names: Iterable[str]) -> dict[str, F32]:
     """The named maps of a whole photo, each (C, H, W) float32 and zero outside the mask; constants are (C, 1, 1)."""
-    crop = PhotoCrop(
-        capture.rig.unmixed(capture.image),
-        capture.mask,
-        capture.rig.directions,
-        mean_light(capture),
-        is_ground_truth=capture.rig.is_ground_truth,
-        grey=capture.white is not None,
-    )
+    light, rig, grey = capture.rig.unmixed(capture.image), capture.rig, capture.white is not None
+    crop = PhotoCrop(light, capture.mask, rig.directions, mean_light(capture), None, rig.is_ground_truth, grey)
     return {name: feature_map(name, crop) for name in names}
 
 
-def mean_light(capture: Capture) -> NDArray[np.float64]:
+def mean_light(capture: Capture) -> F64:
     """(3,) mean of the unmixed image over the mask."""
     total = np.zeros(3)
     for rows in bands(len(capture.mask)):
@@ -90,14 +158,14 @@ def mean_light(capture: Capture) -> NDArray[np.float64]:
     return np.linalg.solve(capture.rig.mixing, total / capture.mask.sum())
 
 
-def feature_map(name: str, crop: PhotoCrop) -> NDArray[np.float32]:
+def feature_map(name: str, crop: PhotoCrop) -> F32:
     """The named map of a window, (C, H, W) float32 and zero outside the mask; constants are (C, 1, 1)."""
     light, mask, directions, means = crop.light, crop.mask, crop.directions, crop.means
     if name == "lights":
         return directions.astype(np.float32).reshape(9, 1, 1)
     if name == "channel_means":
         floor = np.maximum(means, MIN_MEAN * max(float(means.mean()), 1e-30))
-        shares: NDArray[np.float64] = floor / floor.mean()
+        shares: F64 = floor / floor.mean()
         return shares.astype(np.float32).reshape(3, 1, 1)
     if name == "given":
         return np.array([crop.previous is not None, crop.grey], np.float32).reshape(2, 1, 1)

@@ -2,32 +2,139 @@
 
 import atexit
 import contextlib
+import mmap
 import os
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from concurrent.futures import Future, wait
 from dataclasses import replace
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 from typing import TypeVar
 
 import numpy as np
 import onnxruntime
-from numpy.typing import NDArray
 
 from mpsnet_core.arrays.row_bands import bands
+from mpsnet_core.arrays.types import F32
 from mpsnet_core.capture.capture import Capture
 from mpsnet_core.errors import FormatError, SettingsError, check_choice
 from mpsnet_core.estimate.card import ModelCard, card_from_metadata, record_from_metadata
-from mpsnet_core.estimate.dense import predict_dense
+from mpsnet_core.estimate.dense import predict_dense, predict_patches
 from mpsnet_core.estimate.distant_lights import convert_to_distant_view, rotate_to_camera_space
 from mpsnet_core.estimate.features import CONSTANTS, channel_count
-from mpsnet_core.estimate.operators import check_operators
-from mpsnet_core.estimate.patches import predict_patches
 from mpsnet_core.estimate.registry import DEFAULT_TILE
 from mpsnet_core.io.files import existing_file, prefix_errors
+from mpsnet_core.io.opening import AnyPath
 from mpsnet_core.progress import Progress, silent
 from mpsnet_core.scene.normal_map import NormalMap
+
+# --- check the operators in an ONNX file before onnxruntime opens it --------------------------------------------------
+# onnxruntime runs whatever a file contains and cannot be interrupted: an endless `Loop` would block its thread forever.
+# Only the operators of feed-forward convolutional networks are allowed.
+
+
+ALLOWED = frozenset(
+    (
+        *("Abs", "Acos", "Add", "And", "AveragePool", "BatchNormalization", "Cast", "Ceil", "Clip", "Concat"),
+        *("Constant", "ConstantOfShape", "Conv", "ConvTranspose", "Cos", "DepthToSpace", "DequantizeLinear", "Div"),
+        *("Dropout", "Elu", "Equal", "Erf", "Exp", "Expand", "Flatten", "Floor", "Gather", "Gemm"),
+        *("GlobalAveragePool", "GlobalMaxPool", "Greater", "GreaterOrEqual", "HardSigmoid", "HardSwish", "Identity"),
+        *("InstanceNormalization", "LayerNormalization", "LeakyRelu", "Less", "LessOrEqual", "Log", "MatMul", "Max"),
+        *("MaxPool", "Mean", "Min", "Mul", "Neg", "Not", "Or", "PRelu", "Pad", "Pow", "QuantizeLinear", "Reciprocal"),
+        *("ReduceL2", "ReduceMax", "ReduceMean", "ReduceMin", "ReduceSum", "Relu", "Reshape", "Resize", "Round"),
+        *("Selu", "Shape", "Sigmoid", "Sign", "Sin", "Slice", "Softmax", "Softplus", "SpaceToDepth", "Split", "Sqrt"),
+        *("Squeeze", "Sub", "Sum", "Tanh", "Transpose", "Unsqueeze", "Where"),
+    )
+)
+# Field numbers in onnx.proto.
+_MODEL_GRAPH, _MODEL_FUNCTION = 7, 25
+_GRAPH_NODE, _GRAPH_TENSOR, _GRAPH_SPARSE = 1, 5, 15
+_NODE_OPERATOR, _NODE_ATTRIBUTE, _NODE_DOMAIN = 4, 5, 7
+_ATTRIBUTE_OF_TENSORS, _ATTRIBUTE_OF_GRAPHS, _ATTRIBUTE_OF_SPARSE = (5, 10), (6, 11), (22, 23)
+_TENSOR_ELSEWHERE = 13
+
+
+def check_operators(path: Path) -> None:
+    """Raise FormatError if a file is not an ONNX model, or contains an operator or a part that is not allowed."""
+    if not path.stat().st_size:
+        return  # an empty file cannot be mapped; onnxruntime rejects it
+    with path.open("rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as content:
+        try:
+            for refused in _refused(content):
+                raise FormatError(f"model file {path} has {refused}, which no network here needs; export it without")
+        except (IndexError, UnicodeDecodeError):
+            raise FormatError(f"model file {path} is damaged, or no ONNX model; export it again") from None
+
+
+def _refused(content: mmap.mmap) -> Iterator[str]:
+    """Names of the operators and parts that are not allowed."""
+    for part, *span in _fields(content, 0, len(content)):
+        if part == _MODEL_FUNCTION:
+            yield "functions of its own"
+        if part != _MODEL_GRAPH:
+            continue
+        for number, start, end in _fields(content, *span):
+            if number == _GRAPH_SPARSE:
+                yield "sparse weights"  # a few bytes unpack to any size
+            if number == _GRAPH_TENSOR:
+                yield from _refused_in_tensor(content, start, end)
+            if number == _GRAPH_NODE:
+                yield from _refused_in_node(content, start, end)
+
+
+def _refused_in_node(content: mmap.mmap, start: int, end: int) -> Iterator[str]:
+    for number, *span in _fields(content, start, end):
+        value = slice(*span)
+        if number == _NODE_OPERATOR and (operator := content[value].decode()) not in ALLOWED:
+            yield f'the operator "{operator[:99]}"'
+        if number == _NODE_DOMAIN and (domain := content[value].decode()) not in ("", "ai.onnx"):
+            yield f'operators of "{domain[:99]}"'
+        if number == _NODE_ATTRIBUTE:
+            for kind, *inner in _fields(content, *span):
+                if kind in _ATTRIBUTE_OF_TENSORS:
+                    yield from _refused_in_tensor(content, *inner)
+                if kind in _ATTRIBUTE_OF_GRAPHS:
+                    yield "a graph within a graph"
+                if kind in _ATTRIBUTE_OF_SPARSE:
+                    yield "sparse weights"
+
+
+def _refused_in_tensor(content: mmap.mmap, start: int, end: int) -> Iterator[str]:
+    # Old versions of onnxruntime read weights from any file of the user's that the model names.
+    if any(number == _TENSOR_ELSEWHERE for number, *_ in _fields(content, start, end)):
+        yield "weights in another file"
+
+
+def _fields(content: mmap.mmap, at: int, end: int) -> Iterator[tuple[int, int, int]]:
+    """Number, start and end of each length-delimited field of a protobuf message. IndexError if it is damaged."""
+    while at < end:
+        key, at = _varint(content, at)
+        number, kind = (key & 0xFFFFFFFF) >> 3, key & 7  # as onnxruntime reads it
+        if kind == 0:
+            _, at = _varint(content, at)
+        elif kind == 2:
+            length, at = _varint(content, at)
+            if at + length > end:
+                raise IndexError
+            yield number, at, at + length
+            at += length
+        elif kind in (1, 5):
+            at += 8 if kind == 1 else 4
+        else:  # groups, which ONNX does not have
+            raise IndexError
+
+
+def _varint(content: mmap.mmap, at: int) -> tuple[int, int]:
+    value = 0
+    for shift in range(0, 70, 7):
+        byte = content[at]
+        at += 1
+        value |= (byte & 127) << shift
+        if byte < 128:
+            return value & ((1 << 64) - 1), at
+    raise IndexError
+
 
 T = TypeVar("T")
 
@@ -72,7 +179,7 @@ class OnnxModel:
 
     def __init__(
         self,
-        path: str | os.PathLike[str],
+        path: AnyPath,
         *,
         provider: str = "cpu",
         threads: int = 0,
@@ -116,9 +223,7 @@ class OnnxModel:
         progress(1.0, "normals estimated")
         return NormalMap(answer[..., :3], capture.mask, answer[..., 3], in_place=True)
 
-    def _run(
-        self, inputs: dict[str, NDArray[np.float32]], count: int, *size: int
-    ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    def _run(self, inputs: dict[str, F32], count: int, *size: int) -> tuple[F32, F32]:
         """The network's normals (count, 3, *size) and confidence (count, 1, *size); all 1 if it outputs none."""
         try:
             outputs = dict(zip(self._outputs, run_session(self.session, inputs), strict=True))
@@ -130,9 +235,7 @@ class OnnxModel:
                     f"{MAX_ARENA_BYTES / (1 << 30):.3g} GiB; use smaller tiles"
                 ) from None
             reason = " ".join(str(error).split())[:200]
-            raise FormatError(
-                f"model file {self.path} failed on {shapes}: {reason}; export it with dynamic sizes"
-            ) from None
+            raise FormatError(f"model file {self.path} failed on {shapes}: {reason}; export dynamic sizes") from None
         if not all((np.abs(outputs[name]) < MAX_OUTPUT).all() for name in ("normals", "confidence") if name in outputs):
             raise FormatError(f"model file {self.path} returned values that are not finite; train or export it again")
         normals = self._shaped("normals", outputs, (count, 3, *size))
@@ -152,29 +255,20 @@ class OnnxModel:
         with contextlib.suppress(*_RUNTIME_ERRORS):  # other people's networks may refuse so small an input
             run_session(self.session, least, shrinking)
 
-    def _shaped(
-        self, name: str, outputs: dict[str, NDArray[np.float32]], expected: tuple[int, ...]
-    ) -> NDArray[np.float32]:
+    def _shaped(self, name: str, outputs: dict[str, F32], expected: tuple[int, ...]) -> F32:
         """An output in the expected shape. Axes of length one may differ."""
         shape = outputs[name].shape
         if [length for length in shape if length > 1] != [length for length in expected if length > 1]:
-            raise FormatError(
-                f'model file {self.path} cannot be used: its output "{name}" is {shape}, expected {expected}'
-            )
+            raise FormatError(f'model file {self.path} cannot be used: "{name}" is {shape}, expected {expected}')
         return outputs[name].reshape(expected)
 
 
 def run_session(
-    session: onnxruntime.InferenceSession,
-    inputs: dict[str, NDArray[np.float32]],
-    options: onnxruntime.RunOptions | None = None,
-) -> list[NDArray[np.float32]]:
+    session: onnxruntime.InferenceSession, inputs: dict[str, F32], options: onnxruntime.RunOptions | None = None
+) -> list[F32]:
     """Run a network. If a signal raises an exception meanwhile, the network stops after its present layer."""
     options = options or onnxruntime.RunOptions()
-    found: list[NDArray[np.float32]] = _in_a_thread(
-        lambda: session.run(None, inputs, options), stop=lambda: setattr(options, "terminate", True)
-    )
-    return found
+    return _in_a_thread(lambda: session.run(None, inputs, options), stop=lambda: setattr(options, "terminate", True))
 
 
 def _in_a_thread(work: Callable[[], T], stop: Callable[[], None] = lambda: None) -> T:
@@ -207,15 +301,9 @@ def _in_a_thread(work: Callable[[], T], stop: Callable[[], None] = lambda: None)
     return outcome.result()
 
 
-_RUNTIME_ERRORS: tuple[type[Exception], ...] = (
-    RuntimeError,
-    ValueError,
-    *(
-        error
-        for error in vars(onnxruntime.capi.onnxruntime_pybind11_state).values()
-        if isinstance(error, type) and issubclass(error, Exception)
-    ),
-)
+_OF_RUNTIME = vars(onnxruntime.capi.onnxruntime_pybind11_state).values()
+_KINDS = [kind for kind in _OF_RUNTIME if isinstance(kind, type) and issubclass(kind, Exception)]
+_RUNTIME_ERRORS: tuple[type[Exception], ...] = (RuntimeError, ValueError, *_KINDS)
 
 
 def open_session(path: Path, provider: str, threads: int) -> onnxruntime.InferenceSession:
@@ -223,9 +311,7 @@ def open_session(path: Path, provider: str, threads: int) -> onnxruntime.Inferen
     present = onnxruntime.get_available_providers()
     if PROVIDERS[provider] not in present:
         usable = ", ".join(name for name, full in PROVIDERS.items() if full in present)
-        raise SettingsError(
-            f"provider {provider!r} is not in this onnxruntime; choose {usable} or install one that has it"
-        )
+        raise SettingsError(f"provider {provider!r} is not in this onnxruntime; choose {usable} or install one with it")
     options = onnxruntime.SessionOptions()
     options.intra_op_num_threads = threads
     options.graph_optimization_level = onnxruntime.GraphOptimizationLevel.ORT_ENABLE_ALL
@@ -239,16 +325,12 @@ def open_session(path: Path, provider: str, threads: int) -> onnxruntime.Inferen
     try:
         # With fallback, a failure prints to stdout and tries the CPU again, which is useless if the CPU just failed.
         fallback = int(provider != "cpu")
-        return _in_a_thread(  # which computes what is constant
-            lambda: onnxruntime.InferenceSession(
-                str(path), options, providers=[PROVIDERS[provider]], enable_fallback=fallback
-            )
-        )
+        names = [PROVIDERS[provider]]
+        opened = partial(onnxruntime.InferenceSession, str(path), options, providers=names, enable_fallback=fallback)
+        return _in_a_thread(opened)  # which computes what is constant
     except _RUNTIME_ERRORS as error:
         reason = " ".join(str(error).split())[:200]
-        raise FormatError(
-            f"model file {path} is not an ONNX model that can be run ({reason}); export it again"
-        ) from None
+        raise FormatError(f"model file {path} is no ONNX model that can be run ({reason}); export it again") from None
 
 
 @cache
@@ -270,31 +352,16 @@ def _metadata(session: onnxruntime.InferenceSession) -> dict[str, str]:
 
 
 def _check_fit(session: onnxruntime.InferenceSession, card: ModelCard) -> None:
-    nodes = {node.name: node for node in session.get_inputs()}
+    nodes, patches = {node.name: node for node in session.get_inputs()}, card.kind == "patch"
     if set(nodes) != set(card.inputs):
         raise FormatError(f"it has inputs {sorted(nodes)}, its card describes {sorted(card.inputs)}")
     for name, node in nodes.items():
-        channels = channel_count(card.inputs[name])
-        side: int | str = card.patch if card.kind == "patch" else "any"
-        if CONSTANTS.intersection(card.inputs[name]):
-            side = 1
-        expected = ["any", channels, side, side]
+        side: int | str = 1 if CONSTANTS.intersection(card.inputs[name]) else card.patch if patches else "any"
+        expected = ["any", channel_count(card.inputs[name]), side, side]
         shape = ["any" if not isinstance(size, int) else size for size in node.shape]
-        fits = len(shape) == 4 and all(
-            want in (have, "any") or have == "any" for want, have in zip(expected, shape, strict=True)
-        )
-        if not fits or (shape[1] != channels) or node.type != "tensor(float)":
-            raise FormatError(
-                f"input {name!r} is {node.type} {shape}; expected tensor(float) {expected} for "
-                f"{' + '.join(card.inputs[name])}"
-            )
         # Dense networks run on one tile at a time, so a batch fixed at 1 is harmless.
-        batch_fits = shape[0] == "any" or (card.kind != "patch" and shape[0] == 1)
-        if not batch_fits or any(
-            have != want for have, want in zip(shape[1:], expected[1:], strict=True) if want == "any"
-        ):
-            raise FormatError(
-                f"input {name!r} has the fixed size {shape}; expected {expected}: export with dynamic sizes"
-            )
+        fits = len(shape) == 4 and shape[0] in (("any",) if patches else ("any", 1)) and shape[1] == expected[1]
+        if node.type != "tensor(float)" or not fits or not {*shape[2:]} <= {side, "any"}:
+            raise FormatError(f"input {name!r} is {node.type} {shape}, not tensor(float) {expected}; export it so")
     if "normals" not in [node.name for node in session.get_outputs()]:
         raise FormatError('it has no output called "normals"')

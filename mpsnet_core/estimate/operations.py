@@ -17,9 +17,7 @@ from mpsnet_core.operation import Operation, Result, option
 from mpsnet_core.progress import Progress, part, silent
 
 if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
-
+    from mpsnet_core.arrays.types import F64
     from mpsnet_core.estimate.estimator import Estimator
     from mpsnet_core.estimate.lights.find import LightFound
     from mpsnet_core.estimate.sequence.run import Outcome
@@ -129,7 +127,6 @@ class Estimate(RunsModel, HasViewpoint, ReadsPhotos):
         help="rig file (.json, or .lp with three lights)",
         unset="the lights are found in the photo",
         path="file",
-        provenance="content",
     )
     mask: str = option(
         default=MASK,
@@ -217,9 +214,7 @@ class Estimate(RunsModel, HasViewpoint, ReadsPhotos):
         check_no_overwrite(inputs, [output, *maps])
         return self._photo(photos[0], output, white_light, progress)
 
-    def _photo(
-        self, photo: Path, output: Path, white_light: "NDArray[np.float64] | None", progress: Progress
-    ) -> NormalsMade:
+    def _photo(self, photo: Path, output: Path, white_light: "F64 | None", progress: Progress) -> NormalsMade:
         from mpsnet_core.capture.open import open_captures
         from mpsnet_core.estimate.albedo import albedo_from_white, write_albedo
         from mpsnet_core.estimate.ambient_light import warn_of_ambient_light
@@ -227,7 +222,7 @@ class Estimate(RunsModel, HasViewpoint, ReadsPhotos):
         from mpsnet_core.io.files import ensure_folder, write_transaction
         from mpsnet_core.io.image_writing import write_image
         from mpsnet_core.io.marks import made
-        from mpsnet_core.scene.normal_map import write_normals
+        from mpsnet_core.scene.normal_map import stating_the_error, write_normals
 
         estimator = self.estimator(self.passes)
         source = replace(self.source(photo, self.rig, self.mask), white=self.white, white_light=white_light)
@@ -243,7 +238,9 @@ class Estimate(RunsModel, HasViewpoint, ReadsPhotos):
         progress(0.9, f"writing {output.name}")
         ensure_folder(output.parent, "normals")
         with write_transaction():
-            write_normals(output, normals, convention=self.convention)
+            # A baseline's confidence is no expected error.
+            told = None if estimator.name in BASELINES else stating_the_error(normals)
+            write_normals(output, normals, convention=self.convention, description=told)
             if self.confidence:
                 write_image(self.confidence, normals.confidence, description=made("confidence"))
             if self.albedo:
@@ -252,7 +249,7 @@ class Estimate(RunsModel, HasViewpoint, ReadsPhotos):
         text = f"{output}: normals by {self.model}" + (f"\n{self.albedo}: albedo" if self.albedo else "")
         return NormalsMade([str(output)], int(normals.mask.sum()), self.albedo, lights, text=text)
 
-    def _white_light(self) -> "NDArray[np.float64] | None":
+    def _white_light(self) -> "F64 | None":
         """(3,) direction of the one lamp that lit the white photo; None if the rig's lights did."""
         if self.albedo and not self.white:
             raise SettingsError("--albedo is made from a photo under white light; give it with --white")
@@ -274,9 +271,7 @@ class Estimate(RunsModel, HasViewpoint, ReadsPhotos):
         if not any(map(is_video, photos)):
             return self._photos(photos, inputs, progress)
         if len(photos) > 1:
-            raise SettingsError(
-                f"{next(filter(is_video, photos))} is a video; give it alone, and each video on its own"
-            )
+            raise SettingsError(f"{next(filter(is_video, photos))} is a video; give it alone, each video on its own")
         return self._video(photos[0], inputs, progress)
 
     def _photos(self, photos: list[Path], inputs: list[Path], progress: Progress) -> FramesMade:
@@ -291,9 +286,7 @@ class Estimate(RunsModel, HasViewpoint, ReadsPhotos):
         masks = frame_masks(self.mask)
         if numbered is None and (self.smooth or masks.by_number):
             what = "--smooth" if self.smooth else f"--mask {self.mask}"
-            raise SettingsError(
-                f"{what} takes the frames of one sequence: photos whose names differ in one number only"
-            )
+            raise SettingsError(f"{what} takes the frames of one sequence: photos whose names differ in one number")
         for number in numbered.numbers if numbered else ():
             masks.of(number)  # report a missing mask before any work
         like, lights = self.source(photos[0], self.rig), None

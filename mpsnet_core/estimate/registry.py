@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Literal, NamedTuple
 
 from mpsnet_core.errors import FileError, SettingsError
+from mpsnet_core.io.opening import AnyPath
 
 log = logging.getLogger(__name__)
 
@@ -59,24 +60,14 @@ class RegisteredModel:
         )
 
 
+_DEFAULT = "The default: one network from coarse to fine, with equation 2 inside, which states how certain it is"
+_QUICK = "The default in one pass: a sixth to half of the time, a little less accurate"
+_GREY_WORLD = "The baseline for flat, matt cloth, leather or plaster of one colour: each channel divided by its mean"
+_MULTISCALE = MODELS_FOLDER / "multiscale.onnx"
 # Names and titles of the networks, readable without onnxruntime.
 _MODELS = (
-    RegisteredModel(
-        0,
-        DEFAULT_MODEL,
-        "Multiscale",
-        "The default: one network from coarse to fine, with equation 2 inside, which states how certain it is",
-        MODELS_FOLDER / "multiscale.onnx",
-        STILL_PASSES,
-    ),
-    RegisteredModel(
-        2,
-        QUICK_MODEL,
-        "Multiscale Quick",
-        "The default in one pass: a sixth to half of the time, a little less accurate",
-        MODELS_FOLDER / "multiscale.onnx",
-        1,
-    ),
+    RegisteredModel(0, DEFAULT_MODEL, "Multiscale", _DEFAULT, _MULTISCALE, STILL_PASSES),
+    RegisteredModel(2, QUICK_MODEL, "Multiscale Quick", _QUICK, _MULTISCALE, 1),
     RegisteredModel(
         3,
         "mpsnet",
@@ -105,13 +96,7 @@ _MODELS = (
     RegisteredModel(
         7, LAMBERTIAN, "Lambertian", "The baseline, instantly: for matt surfaces of one grey (equation 2 of the paper)"
     ),
-    RegisteredModel(
-        8,
-        LAMBERTIAN_GREY_WORLD,
-        "Lambertian Grey World",
-        "The baseline for flat, matt cloth, leather or plaster of one colour: each channel divided by its mean",
-        comparison=True,
-    ),
+    RegisteredModel(8, LAMBERTIAN_GREY_WORLD, "Lambertian Grey World", _GREY_WORLD, comparison=True),
 )
 OLD_NAMES = {"multiscale-int8": QUICK_MODEL}  # 0.2.0's quick network
 
@@ -135,7 +120,7 @@ class NetworkFile(NamedTuple):
     """Number of passes in place of the card's, see :class:`RegisteredModel`."""
 
 
-def find_network(name: str | os.PathLike[str]) -> NetworkFile:
+def find_network(name: AnyPath) -> NetworkFile:
     """The ONNX file of a network given by name or by path.
 
     Raises SettingsError if there is no such network, FileError if its file is missing.

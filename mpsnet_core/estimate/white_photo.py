@@ -17,20 +17,19 @@ lie off the plane and count as outliers; on grey ones they lie in it.
 
 import logging
 from dataclasses import replace
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mpsnet_core.arrays.resampling import grid_step
 from mpsnet_core.arrays.row_bands import bands
 from mpsnet_core.arrays.statistics import deviation
+from mpsnet_core.arrays.types import F32, F64, Bools, Floats
 from mpsnet_core.capture.capture import WHITE_MISFIT, Capture
 from mpsnet_core.estimate.distant_lights import lights_in
 
 log = logging.getLogger(__name__)
 
-Floats = NDArray[np.floating[Any]]
 
 # Lower limit of the white photo's values, as a share of their channel's mean: below, they are mostly noise.
 MIN_WHITE = 0.02
@@ -55,32 +54,28 @@ SAMPLED = 20_000  # pixels of a large photo
 class WhitePhoto(NamedTuple):
     """Parameters of the division by a white photo."""
 
-    gains: NDArray[np.float64]
+    gains: F64
     """(3,). The gains g of the lights."""
-    lower_limits: NDArray[np.float64]
+    lower_limits: F64
     """(3,). Lower limits of the white photo's channels."""
-    unmixing_before: NDArray[np.float64]
+    unmixing_before: F64
     """(3, 3). Matrix that multiplies both photos: the inverse of the mixing, or the identity."""
-    unmixing_after: NDArray[np.float64]
+    unmixing_after: F64
     """(3, 3). Matrix that multiplies the photos' ratio: the other one of the two."""
-    mean_factors: NDArray[np.float64]
+    mean_factors: F64
     """(3,). Factors that turn the photo grey on average."""
     spread: float
     """Spread of the pixels about the plane."""
 
     @classmethod
-    def fit(
-        cls, photo: Floats, white: Floats, mixing: NDArray[np.float64], strengths: NDArray[np.float64]
-    ) -> "WhitePhoto | None":
+    def fit(cls, photo: Floats, white: Floats, mixing: F64, strengths: F64) -> "WhitePhoto | None":
         """Fit to pixels (N, 3) of both photos, none of them clipped.
 
         mixing: of the photo. strengths: t, the lights' strengths in the white photo, (3,) or (N, 3). None if a channel
         of the white photo is black, or too few pixels are bright.
         """
         identity, inverse = np.eye(3), np.linalg.inv(mixing)
-        orders = (
-            [(identity, inverse)] if np.array_equal(mixing, identity) else [(identity, inverse), (inverse, identity)]
-        )
+        orders = [(identity, inverse), (inverse, identity)][: 1 if np.array_equal(mixing, identity) else 2]
         found: list[tuple[float, WhitePhoto]] = []
         for unmixing_before, unmixing_after in orders:
             photo_values, white_values = photo @ unmixing_before.T, white @ unmixing_before.T
@@ -99,13 +94,13 @@ class WhitePhoto(NamedTuple):
         total = photo_values.sum(axis=0)
         return best._replace(mean_factors=np.divide(grey, total, out=np.ones(3), where=total > 0))
 
-    def factors(self, white: Floats) -> NDArray[np.float32]:
+    def factors(self, white: Floats) -> F32:
         """(..., 3) factors that turn a pixel's channels grey and keep its brightness, from the white photo's pixels."""
         albedo = np.maximum(white @ self.unmixing_before.T.astype(np.float32), self.lower_limits.astype(np.float32))
         albedo /= self.gains.astype(np.float32)
         return np.asarray(albedo.mean(axis=-1, keepdims=True) / albedo, np.float32)
 
-    def separate_lights(self, photo: Floats, factors: Floats) -> NDArray[np.float32]:
+    def separate_lights(self, photo: Floats, factors: Floats) -> F32:
         """(..., 3) each light alone, from pixels (..., 3) of the photo and their factors."""
         photo_values = photo @ self.unmixing_before.T.astype(np.float32)
         return np.asarray(photo_values * factors @ self.unmixing_after.T.astype(np.float32), np.float32)
@@ -155,7 +150,7 @@ def _share_in_one_only(capture: Capture, fit: WhitePhoto) -> float:
     return float((black & (brightness > REACHED * np.median(brightness))).mean()) if len(black) else 0.0
 
 
-def _white_strengths(capture: Capture, step: int, valid: NDArray[np.bool_]) -> NDArray[np.float64]:
+def _white_strengths(capture: Capture, step: int, valid: Bools) -> F64:
     """How bright each light is in the white photo: (3,), or (N, 3) for the valid pixels on a grid of `step`. If
     another lamp lit it, the combination of lights that equals that lamp."""
     lamp = capture.white_light
@@ -168,18 +163,13 @@ def _white_strengths(capture: Capture, step: int, valid: NDArray[np.bool_]) -> N
     return np.asarray(np.linalg.solve(np.swapaxes(lights, -1, -2), lamp[None, :, None])[..., 0])
 
 
-def valid_white_pixels(capture: Capture, rows: slice, columns: slice = slice(None)) -> NDArray[np.bool_]:
+def valid_white_pixels(capture: Capture, rows: slice, columns: slice = slice(None)) -> Bools:
     """(H, W) where the white photo is valid: inside the mask, and no channel clipped."""
     inside = capture.mask[rows, columns]
     return inside if capture.white_clipped is None else inside & ~capture.white_clipped[rows, columns].any(axis=-1)
 
 
-def _gains(
-    photo: NDArray[np.float64],
-    white: NDArray[np.float64],
-    unmixing: NDArray[np.float64],
-    strengths: NDArray[np.float64],
-) -> tuple[NDArray[np.float64], float]:
+def _gains(photo: F64, white: F64, unmixing: F64, strengths: F64) -> tuple[F64, float]:
     """The gains, and the pixels' spread about the plane, infinity if the fit fails. unmixing: applied to the ratio."""
     mixed = np.linalg.inv(unmixing).sum(axis=1)
     if len(photo) < MIN_PIXELS or (mixed <= 0).any():
@@ -203,5 +193,5 @@ def _gains(
         distances = np.abs(parts @ factors - 1)
         spread = deviation(distances, MIN_SPREAD)
         weights = light / (1 + (distances / spread) ** 2)
-    gains: NDArray[np.float64] = equal_means * np.clip(factors, 1 / MAX_GAIN_FACTOR, MAX_GAIN_FACTOR)
+    gains: F64 = equal_means * np.clip(factors, 1 / MAX_GAIN_FACTOR, MAX_GAIN_FACTOR)
     return gains, spread

@@ -33,7 +33,7 @@ from mpsnet_core.io.opening import AnyPath, kind_of
 from mpsnet_core.io.opening import existing_file as existing_file
 from mpsnet_core.io.opening import is_file as is_file
 from mpsnet_core.operation import running
-from mpsnet_core.uninterrupted import uninterrupted
+from mpsnet_core.progress import uninterrupted
 
 # Suffixes of photos; of camera raw, those that LibRaw reads.
 IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".exr", ".webp", ".bmp", ".tga", ".hdr")

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, ClassVar, Literal
+from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
 from mpsnet_core.errors import FileError
 from mpsnet_core.estimate.registry import registered_models
@@ -16,6 +16,9 @@ from mpsnet_core.progress import Progress, silent
 
 if TYPE_CHECKING:
     from mpsnet_core.learning.training.loop import TrainingPaths
+
+
+_OF_TRAINING = ("precision", "stop_after", "anneal", "minutes")
 
 
 @dataclass(frozen=True)
@@ -102,17 +105,9 @@ class Train(Operation):
         output = _model_path(self.output)
         paths = self._paths(output)
         with _threads(self.threads):
-            trained = train(
-                read_recipe(self.recipe),
-                [Path(folder) for folder in self.samples],
-                [Path(folder) for folder in self.validation],
-                paths=paths,
-                precision=self.precision,
-                stop_after=self.stop_after,
-                anneal=self.anneal,
-                minutes=self.minutes,
-                progress=progress,
-            )
+            samples, validation = ([*map(Path, folders)] for folders in (self.samples, self.validation))
+            options: dict[str, Any] = {name: getattr(self, name) for name in _OF_TRAINING}
+            trained = train(read_recipe(self.recipe), samples, validation, paths=paths, **options, progress=progress)
         step, steps = trained.step, trained.recipe.steps
         if step < steps and not self.anneal:
             text = f"stopped after {step} of {steps} steps; go on with --resume {paths.checkpoint}"

@@ -8,8 +8,8 @@ from dataclasses import dataclass, field, fields, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mpsnet_core.arrays.types import F32, F64
 from mpsnet_core.arrays.unit_vectors import normalised
 from mpsnet_core.synthesis.random_sampling import generator, log_uniform, uniform
 
@@ -32,13 +32,13 @@ class CaptureDraw:
 
     exact: bool
     """Whether the rig is known exactly."""
-    mixing: NDArray[np.float64]
+    mixing: F64
     """(3, 3) float64. The mixing matrix M of the image formation, strengths and sensitivities included."""
-    colours: NDArray[np.float64]
+    colours: F64
     """(3, 3) float64. What channel i sees of a surface's red, green and blue; rows sum to 1."""
-    known_mixing: NDArray[np.float64]
+    known_mixing: F64
     """(3, 3) float64. What whoever estimates takes the mixing for."""
-    direction_errors: NDArray[np.float64]
+    direction_errors: F64
     """(3, 3) float64. Radians, how far the light directions that are known are off; of each row only the part across
     the light's direction counts."""
     exposure: float
@@ -68,7 +68,7 @@ class CaptureDraw:
     """What the noise is drawn from, where a photograph is taken alone."""
     white: bool
     """Whether a second photo shows the same under white light."""
-    white_mixing: NDArray[np.float64]
+    white_mixing: F64
     """(3, 3) float64. The mixing matrix of the white photo."""
     grain: float = 0.0
     """Standard deviation of the logarithm of the albedo's grain, 0 for none."""
@@ -234,7 +234,7 @@ class CaptureModel:
         )
 
 
-def blur_weights(sigma: float) -> NDArray[np.float32]:
+def blur_weights(sigma: float) -> F32:
     """Weights (2 reach + 1,) of a Gaussian with standard deviation `sigma` in pixels; a single 1 where that is 0.
 
     The discrete Gaussian of Lindeberg, "Scale-space for discrete signals" (PAMI 1990), which has the right width where
@@ -249,14 +249,14 @@ def blur_weights(sigma: float) -> NDArray[np.float32]:
     return (weights / weights.sum()).astype(np.float32)
 
 
-def turned(directions: NDArray[np.float64], errors: NDArray[np.float64]) -> NDArray[np.float64]:
+def turned(directions: F64, errors: F64) -> F64:
     """Unit vectors (N, 3) turned by the angles that the errors (N, 3) have across them."""
     across = errors - (errors * directions).sum(axis=1, keepdims=True) * directions
     angle = np.linalg.norm(across, axis=1, keepdims=True)
     return np.cos(angle) * directions + np.sin(angle) * normalised(across)
 
 
-def _overlap(rng: np.random.Generator, limits: Range, shares: Range) -> NDArray[np.float64]:
+def _overlap(rng: np.random.Generator, limits: Range, shares: Range) -> F64:
     """(3, 3) ones on the diagonal, and elsewhere shares of a level that is drawn from `limits`."""
     level, (least, most) = uniform(rng, *limits), shares
     return np.eye(3) + level * (least + (most - least) * rng.random((3, 3))) * (1 - np.eye(3))

@@ -1,16 +1,16 @@
 """Contact sheets: an image of samples for people, one row each, and statistics of a folder of samples."""
 
-import os
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mpsnet_core.arrays.types import F32
 from mpsnet_core.errors import FileError, InputError
 from mpsnet_core.io.image import CHANNELS, linear_to_srgb
 from mpsnet_core.io.image_reading import image_layers, read_image
+from mpsnet_core.io.opening import AnyPath
 from mpsnet_core.io.provenance import fingerprint, provenance_line
 from mpsnet_core.progress import Progress, silent
 from mpsnet_core.scene.normal_encoding import encode
@@ -64,7 +64,7 @@ class FolderSummary:
         return f"{self.samples} sample(s), {makers}\npixels reached by {', '.join(reversed(shares))}"
 
 
-def folder_samples(folder: str | os.PathLike[str]) -> list[Path]:
+def folder_samples(folder: AnyPath) -> list[Path]:
     """The EXR files of a folder, sorted. Samples may have any name. Raises FileError if there are none."""
     files = sorted(file for file in Path(folder).glob("*.exr") if not file.name.startswith("."))
     if not files:
@@ -72,12 +72,12 @@ def folder_samples(folder: str | os.PathLike[str]) -> list[Path]:
     return files
 
 
-def is_sample(path: str | os.PathLike[str]) -> bool:
+def is_sample(path: AnyPath) -> bool:
     """Whether a file, even a damaged one, is a sample and not a photo. Raises InputError if it is no image."""
     return "light1" in image_layers(path)
 
 
-def summarise(files: Sequence[str | os.PathLike[str]], progress: Progress = silent) -> FolderSummary:
+def summarise(files: Sequence[AnyPath], progress: Progress = silent) -> FolderSummary:
     """Statistics of samples from their metadata alone. Damaged and foreign files are skipped and listed."""
     renderers: dict[str, int] = {}
     shares: list[Sequence[float]] = []
@@ -92,10 +92,8 @@ def summarise(files: Sequence[str | os.PathLike[str]], progress: Progress = sile
         renderers[data["renderer"]] = renderers.get(data["renderer"], 0) + 1
         shares.append(data["lit_fractions"])
     table = np.array(shares, np.float64).reshape(-1, 4)
-    mean = table.mean(axis=0) if len(table) else np.zeros(4)
-    return FolderSummary(
-        len(table), renderers, tuple(mean.tolist()), tuple((table >= SHOWN).sum(axis=0).tolist()), skipped
-    )
+    mean, shown = table.mean(axis=0) if len(table) else np.zeros(4), (table >= SHOWN).sum(axis=0)
+    return FolderSummary(len(table), renderers, tuple(mean.tolist()), tuple(shown.tolist()), skipped)
 
 
 def spread(files: Sequence[Path], count: int) -> list[Path]:
@@ -105,12 +103,12 @@ def spread(files: Sequence[Path], count: int) -> list[Path]:
     return [files[round(place)] for place in np.linspace(0, len(files) - 1, count)]
 
 
-def sheet_of_samples(files: Sequence[Path], count: int = ROWS) -> NDArray[np.float32] | None:
+def sheet_of_samples(files: Sequence[Path], count: int = ROWS) -> F32 | None:
     """(H, W, 3) display values: up to `count` samples, evenly spaced, one row each; None if no file is a sample.
 
     A file that is no valid sample is replaced by the next one that is.
     """
-    tiles: list[tuple[str, NDArray[np.float32]]] = []
+    tiles: list[tuple[str, F32]] = []
     shown: set[Path] = set()
     for wanted in spread(files, count):
         for file in files[files.index(wanted) :]:
@@ -129,7 +127,7 @@ def sheet_of_samples(files: Sequence[Path], count: int = ROWS) -> NDArray[np.flo
     return np.concatenate([picture, words])
 
 
-def show(samples: Sequence[Path], photos: Sequence[Path], count: int = ROWS) -> NDArray[np.float32]:
+def show(samples: Sequence[Path], photos: Sequence[Path], count: int = ROWS) -> F32:
     """(H, W, 3) display values: the contact sheet of the samples, and below it one row per photo.
 
     Raises InputError if a photo cannot be read, or there is neither a valid sample nor a photo.
@@ -146,7 +144,7 @@ def show(samples: Sequence[Path], photos: Sequence[Path], count: int = ROWS) -> 
     )
 
 
-def photo_row(path: Path) -> list[tuple[str, NDArray[np.float32]]]:
+def photo_row(path: Path) -> list[tuple[str, F32]]:
     """A photo's tiles: the photo, each channel and, if it has alpha, its mask. Raises InputError."""
     image = read_image(path)
     inside = image.alpha > 0.5 if image.alpha is not None and (image.alpha > 0.5).any() else None
@@ -158,7 +156,7 @@ def photo_row(path: Path) -> list[tuple[str, NDArray[np.float32]]]:
     return tiles
 
 
-def sample_row(name: str, sample: Sample) -> list[tuple[str, NDArray[np.float32]]]:
+def sample_row(name: str, sample: Sample) -> list[tuple[str, F32]]:
     """A sample's tiles: each light alone, photo with an ideal rig, normals, number of lights, materials."""
     inside = sample.alpha > 0.5
     # The same exposure for all three lights, because they add up to one photo.

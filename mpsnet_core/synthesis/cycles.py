@@ -1,6 +1,5 @@
 """Samples from Cycles: convert the multi-layer EXR of a render to a sample; ray casting adds depth and visibility."""
 
-import os
 from pathlib import Path
 from typing import Any
 
@@ -8,10 +7,12 @@ import numpy as np
 import OpenImageIO as oiio
 from numpy.typing import NDArray
 
+from mpsnet_core.arrays.types import F32, Bools, Floats
 from mpsnet_core.arrays.unit_vectors import dot, normalised
 from mpsnet_core.errors import FormatError
 from mpsnet_core.io.files import existing_file
 from mpsnet_core.io.image_input import channel_names, image_input_or_reason, pending_error, silence_libraries
+from mpsnet_core.io.opening import AnyPath
 from mpsnet_core.scene.camera import Camera
 from mpsnet_core.scene.mesh import triangle_normals
 from mpsnet_core.scene.rays import RayScene
@@ -29,11 +30,7 @@ _ELSEWHERE = ((np.stack(np.meshgrid(np.arange(4), np.arange(4)), axis=-1) + 0.5)
 
 
 def sample_from_cycles(
-    path: str | os.PathLike[str],
-    recipe: SceneDescription,
-    vertices: NDArray[np.floating[Any]],
-    triangles: NDArray[np.integer[Any]],
-    renderer: str,
+    path: AnyPath, recipe: SceneDescription, vertices: Floats, triangles: NDArray[np.integer[Any]], renderer: str
 ) -> Sample:
     """The sample in the multi-layer EXR that Blender 4.5 or later rendered for a recipe.
 
@@ -50,7 +47,7 @@ def sample_from_cycles(
     planes = _planes(path)
     camera = recipe.camera
 
-    def layer(name: str, *choices: str) -> NDArray[np.float32]:
+    def layer(name: str, *choices: str) -> F32:
         """A pass, (H, W, C), by its name and the possible names of its channels."""
         for channels in choices:
             if all(f"{name}.{channel}" in planes for channel in channels):
@@ -70,24 +67,17 @@ def sample_from_cycles(
         index = layer("IndexMA" if old else "Material Index", "X", "V")  # V if the compositor wrote it
         material = np.rint(index[..., 0]).astype(np.int64)
     depth, lit = _traced(recipe, RayScene(vertices, triangles), vertices, triangles, normals, covered)
-    return Sample(
-        lights=np.where(covered[..., None], np.maximum(lights, 0), np.float32(0)),
-        normals=normals,
-        depth=depth,
-        alpha=alpha,
-        material=np.where(covered, material, -1).astype(np.int32),
-        lit=lit,
-        recipe=recipe,
-        renderer=renderer,
-    )
+    lights = np.where(covered[..., None], np.maximum(lights, 0), np.float32(0))
+    material = np.where(covered, material, -1).astype(np.int32)
+    return Sample(lights, normals, depth, alpha, material, lit, recipe, renderer)
 
 
-def _planes(path: Path) -> dict[str, NDArray[np.float32]]:
+def _planes(path: Path) -> dict[str, F32]:
     """All channels of all parts of a file, by name without the view layer."""
     source, reason = image_input_or_reason(path)
     if source is None:
         raise FormatError(f"{path} is not a render, or cut short ({reason}); make the sample again")
-    planes: dict[str, NDArray[np.float32]] = {}
+    planes: dict[str, F32] = {}
     try:
         part = 0
         while source.seek_subimage(part, 0):
@@ -104,12 +94,10 @@ def _planes(path: Path) -> dict[str, NDArray[np.float32]]:
     return planes
 
 
-def _checked(values: NDArray[np.float32], what: str, camera: Camera, path: Path) -> NDArray[np.float32]:
+def _checked(values: F32, what: str, camera: Camera, path: Path) -> F32:
     height, width = values.shape[:2]
     if (width, height) != (camera.width, camera.height):
-        raise FormatError(
-            f"{path} is {width} x {height}, its recipe {camera.width} x {camera.height}; make the sample again"
-        )
+        raise FormatError(f"{path} is {width} x {height}, not {camera.width} x {camera.height}; make it again")
     if not np.isfinite(values).all():
         raise FormatError(f"{path} holds values that are not finite in its {what}; make the sample again")
     return values
@@ -118,11 +106,11 @@ def _checked(values: NDArray[np.float32], what: str, camera: Camera, path: Path)
 def _traced(
     recipe: SceneDescription,
     scene: RayScene,
-    vertices: NDArray[np.floating[Any]],
+    vertices: Floats,
     triangles: NDArray[np.integer[Any]],
-    normals: NDArray[np.float32],
-    covered: NDArray[np.bool_],
-) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    normals: F32,
+    covered: Bools,
+) -> tuple[F32, F32]:
     """Depth (H, W), and `lit` (3, H, W), of the covered pixels."""
     camera = recipe.camera
     depth = np.zeros(covered.shape, np.float32)

@@ -3,8 +3,8 @@
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mpsnet_core.arrays.types import F64, I32
 from mpsnet_core.arrays.unit_vectors import normalised
 from mpsnet_core.calibrate.ball import Ball, mirrored
 from mpsnet_core.io.image import linear_to_srgb
@@ -86,7 +86,7 @@ def photographed(camera: Camera) -> Sample:
     return synthesise(recipe, smooth_shape(*egg), [load_reflectance(stone) for stone in STONES])
 
 
-def surface(rows: int, carved: float) -> tuple[tuple[NDArray[np.float64], NDArray[np.int32]], NDArray[np.float64]]:
+def surface(rows: int, carved: float) -> tuple[tuple[F64, I32], F64]:
     """The egg as a mesh over longitude and latitude: vertices (V, 3) and triangles (T, 3), and UVs (V, 2).
 
     carved: depth of the leaves that the scan does not have. The first and the last longitude are one seam.
@@ -114,7 +114,7 @@ def scanned() -> SurfaceMesh:
     return SurfaceMesh(places, triangles, normals, uvs.astype(np.float32))
 
 
-def ball_photo(camera: Camera) -> NDArray[np.float64]:
+def ball_photo(camera: Camera) -> F64:
     """(H, W, 3) a mirror ball in the egg's place: the dark room, and each lamp in its own channel."""
     ball = Ball(np.array([0, 0, -DISTANCE]), 0.6, camera, 0.0, 1.0, np.zeros((3, 3)))
     row, column = np.mgrid[0 : 2 * SIZE, 0 : 2 * SIZE].reshape(2, -1)

@@ -10,6 +10,7 @@ from typing import Any, Literal
 from mpsnet_core.errors import FileError, FormatError, InputError, SettingsError, check_choice
 from mpsnet_core.io.claims import LOCK_FILE, Claims
 from mpsnet_core.io.files import check_no_link, ensure_folder, read_json, write_json
+from mpsnet_core.io.opening import AnyPath
 
 JOB_FORMAT = "mpsnet-samples"
 JOB_VERSION = 1
@@ -113,31 +114,20 @@ class SampleJob:
 
     def _check_together(self) -> None:
         """Check settings that depend on each other."""
-        if ("meshes" in self.shapes) != bool(self.meshes):
-            raise SettingsError(
-                "the job takes shapes from meshes but has no folder of them; name one"
-                if "meshes" in self.shapes
-                else f"the job has a folder of meshes, {self.meshes}, but no shapes from it; add meshes to its shapes"
-            )
-        if ("scene" in self.shapes) != bool(self.objects):
-            raise SettingsError(
-                "the job takes shapes from a scene but names no objects; name some"
-                if "scene" in self.shapes
-                else "the job names objects of a scene but takes no shapes from it; add scene to its shapes"
-            )
+        for kind, what, named in (("meshes", "folder", self.meshes), ("scene", "objects", self.objects)):
+            if (kind in self.shapes) != bool(named):
+                raise SettingsError(f"the job's shapes have {kind} where it names their {what}; name both, or neither")
         if self.renderer == "synthesis" and "scene" in self.shapes:
             raise SettingsError("a scene's objects are rendered by Blender alone; take other shapes for synthesis")
         if self.renderer == "synthesis" and self.bounces > MAX_BOUNCES:
-            raise SettingsError(
-                f"synthesis follows light over {MAX_BOUNCES} bounces, not {self.bounces}; choose 0 to {MAX_BOUNCES}"
-            )
+            raise SettingsError(f"synthesis follows light over 0 to {MAX_BOUNCES} bounces, not {self.bounces}")
         if self.style != "photographs" and not self.merl:
             raise SettingsError("the paper's samples are of measured materials; name them (merl)")
         if self.renderer == "cycles" and self.merl:
             raise SettingsError("measured materials (merl) are for synthesis alone; leave them out for Blender")
 
 
-def sample_path(folder: str | os.PathLike[str], number: int) -> Path:
+def sample_path(folder: AnyPath, number: int) -> Path:
     """The file of sample `number` of the job in `folder`."""
     return Path(folder) / f"sample_{number:06d}.exr"
 
@@ -148,14 +138,14 @@ def sample_number(name: str) -> int | None:
     return int(found[1]) if found else None
 
 
-def samples_there(folder: str | os.PathLike[str]) -> set[int]:
+def samples_there(folder: AnyPath) -> set[int]:
     """Numbers of the samples in a folder. Empty files, which a power cut may leave, do not count."""
     with os.scandir(folder) as entries:
         whole = [entry for entry in entries if re.fullmatch(r"sample_\d{6,8}\.exr", entry.name)]
         return {int(entry.name[7:-4]) for entry in whole if entry.stat().st_size}
 
 
-def read_job(folder: str | os.PathLike[str]) -> SampleJob:
+def read_job(folder: AnyPath) -> SampleJob:
     """The job of a folder. Raises FileError if there is none, FormatError if it is malformed."""
     names = tuple(SampleJob.__dataclass_fields__)
     data = read_json(Path(folder) / JOB_FILE, JOB_FORMAT, JOB_VERSION, names)
@@ -171,14 +161,14 @@ def read_job(folder: str | os.PathLike[str]) -> SampleJob:
         raise FormatError(f"{Path(folder) / JOB_FILE}: {error}") from None
 
 
-def write_job(folder: str | os.PathLike[str], job: SampleJob) -> None:
+def write_job(folder: AnyPath, job: SampleJob) -> None:
     """Write the job to its folder, atomically. Raises FileError if its path is a link."""
     path = Path(folder) / JOB_FILE
     check_no_link(path)
     write_json(path, {"format": JOB_FORMAT, "version": JOB_VERSION, **asdict(job)})
 
 
-def place_job(folder: str | os.PathLike[str], job: SampleJob) -> bool:
+def place_job(folder: AnyPath, job: SampleJob) -> bool:
     """Assign the job to a new or empty folder, or to one with the same job, whose count it may increase.
 
     Returns whether the folder had no job before. Raises SettingsError if the folder has another job, naming the

@@ -2,22 +2,22 @@
 
 from functools import lru_cache
 from itertools import product
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mpsnet_core.arrays.row_bands import bands
+from mpsnet_core.arrays.types import F32, I64, Floats
 from mpsnet_core.arrays.unit_vectors import quaternion_matrix
 
-Points = NDArray[np.floating[Any]]
+Points = Floats
 # Points processed at a time: temporary arrays stay in the processor's cache.
 _CHUNK = 1 << 13
 _AXES = (np.uint32(0x9E3779B1), np.uint32(0x85EBCA77), np.uint32(0xC2B2AE3D))
 _SCALE = np.float32(1.6)
 
 
-def gradient_noise(points: Points, seed: int) -> NDArray[np.float32]:
+def gradient_noise(points: Points, seed: int) -> F32:
     """Smooth noise with features of about unit length: (N, 3) points to (N,) values, about -1 to 1, mean 0.
 
     Improved Perlin noise (Perlin 2002), which has a continuous second derivative, with 256 unit gradients. The seed
@@ -30,13 +30,13 @@ def gradient_noise(points: Points, seed: int) -> NDArray[np.float32]:
     return values
 
 
-def fractal_noise(points: Points, seed: int, octaves: int) -> NDArray[np.float32]:
+def fractal_noise(points: Points, seed: int, octaves: int) -> F32:
     """Fractal noise: sum of `octaves` of gradient noise, each with twice the frequency and half the amplitude.
 
     (N, 3) points to (N,) values, about -1 to 1. The amplitude does not depend on the number of octaves.
     """
     points = np.asarray(points)
-    total: NDArray[np.float32] = np.zeros(len(points), np.float32)
+    total: F32 = np.zeros(len(points), np.float32)
     power = 0.0
     for octave in range(octaves):
         amplitude = 0.5**octave
@@ -46,7 +46,7 @@ def fractal_noise(points: Points, seed: int, octaves: int) -> NDArray[np.float32
     return total
 
 
-def voronoi(points: Points, seed: int) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.float32]]:
+def voronoi(points: Points, seed: int) -> tuple[I64, I64, F32]:
     """Cells of about unit width around random centres (Worley 1996), at points (N, 3).
 
     Returns a uniformly distributed ID of each point's cell (N,), 0 to 2³² - 1; the ID of the neighbour with the nearest
@@ -60,7 +60,7 @@ def voronoi(points: Points, seed: int) -> tuple[NDArray[np.int64], NDArray[np.in
     return cell, neighbour, border
 
 
-def _gradient_noise(points: Points, seed: int) -> NDArray[np.float32]:
+def _gradient_noise(points: Points, seed: int) -> F32:
     cells, fractions = _lattice(points, seed)
     key = _key(seed)
     # Along each axis: hashes of both neighbours, offsets from them, and the interpolation weight of the second.
@@ -77,7 +77,7 @@ def _gradient_noise(points: Points, seed: int) -> NDArray[np.float32]:
     return corners[0] * _SCALE
 
 
-def _voronoi(points: Points, seed: int) -> tuple[NDArray[np.uint32], NDArray[np.uint32], NDArray[np.float32]]:
+def _voronoi(points: Points, seed: int) -> tuple[NDArray[np.uint32], NDArray[np.uint32], F32]:
     cells, fractions = _lattice(points, seed)
     key = _key(seed)
     count = len(points)
@@ -107,7 +107,7 @@ def _voronoi(points: Points, seed: int) -> tuple[NDArray[np.uint32], NDArray[np.
     return numbers[nearest, every], numbers[closest, every], border[closest, every]
 
 
-def _lattice(points: Points, seed: int) -> tuple[list[NDArray[np.uint32]], list[NDArray[np.float32]]]:
+def _lattice(points: Points, seed: int) -> tuple[list[NDArray[np.uint32]], list[F32]]:
     """Lattice cells (modulo 2³²) and positions in them, per axis, after the seed's rotation and shift."""
     turn, shift = _frame(seed)
     x, y, z = (points[:, axis].astype(np.float64) for axis in range(3))
@@ -133,7 +133,7 @@ def _frame(seed: int) -> tuple[list[list[float]], list[float]]:
 
 
 @lru_cache(maxsize=1)
-def _gradients() -> tuple[NDArray[np.float32], ...]:
+def _gradients() -> tuple[F32, ...]:
     """256 uniformly distributed unit vectors, by Marsaglia's method (1972)."""
     rng = np.random.Generator(np.random.PCG64(20020721))
     pairs = rng.random((1024, 2)) * 2 - 1

@@ -105,15 +105,9 @@ class RunsWorkers(Operation):
         """
         from mpsnet_core.synthesis.farm.run import SYNTHESIS_COMMAND, blender_command, make_samples
 
-        outcome = make_samples(
-            folder,
-            job,
-            SYNTHESIS_COMMAND if job.renderer == "synthesis" else blender_command(blender, addon),
-            processes=self.processes,
-            cluster=self.cluster,
-            cluster_trusted=self.cluster_trusted,
-            progress=progress,
-        )
+        command = SYNTHESIS_COMMAND if job.renderer == "synthesis" else blender_command(blender, addon)
+        workers: dict[str, Any] = {name: getattr(self, name) for name in ("processes", "cluster", "cluster_trusted")}
+        outcome = make_samples(folder, job, command, **workers, progress=progress)
         facts = f"{outcome.made} made, {outcome.there} there already"
         if outcome.failed:
             number, sentence = min(outcome.failed.items())
@@ -141,9 +135,7 @@ class Synthesize(RunsWorkers):
         "else all others",
     )
     meshes: str = option(default="", metavar="FOLDER", help="folder of mesh files to take shapes from", path="folder")
-    merl: str = option(
-        default="", metavar="PATH", help="measured materials: a folder of MERL .binary files, or .npz of fits"
-    )
+    merl: str = option(default="", metavar="PATH", help="measured materials: a folder of MERL files, or .npz of fits")
     merl_part: Literal["all", "training", "validation"] = option(
         default=SampleJob.merl_part,
         metavar="PART",
@@ -160,9 +152,7 @@ class Synthesize(RunsWorkers):
         },
         help="style of the samples",
     )
-    views: int = job_number(
-        "views", "how many samples in a row show the same shape, each in another pose, light and material"
-    )
+    views: int = job_number("views", "samples in a row that show one shape, each in another pose, light and material")
     bounces: int = option(
         default=SampleJob.bounces,
         low=0,
@@ -212,9 +202,7 @@ class MakeSamples(RunsWorkers):
     command: ClassVar[str] = "make"
 
     folder: str = option(positional=True, help="folder in which a job of samples was begun", provenance="none")
-    blender: str = option(
-        default="", metavar="PROGRAM", help="Blender executable that renders", unset="this Python's bpy"
-    )
+    blender: str = option(default="", metavar="PROGRAM", help="Blender to render with", unset="this Python's bpy")
     addon: str = option(
         default="", metavar="MODULE", help="module of the extension in that Blender", unset="one that is always enabled"
     )
@@ -285,9 +273,8 @@ class ShowSamples(Operation):
         paths: list[Path] = []
         for given in self.path:
             # The Windows shell does not expand patterns.
-            paths += (
-                matching_files(given) if is_folder_or_pattern(given) and not Path(given).is_dir() else [Path(given)]
-            )
+            matched = is_folder_or_pattern(given) and not Path(given).is_dir()
+            paths += matching_files(given) if matched else [Path(given)]
         first = paths[0]
         # In the current folder: that of the samples may be another person's.
         output = writable_path(self.output or f"{resolved(first).stem}_sheet.png")

@@ -4,7 +4,8 @@ from collections.abc import Sequence
 from typing import TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
+
+from mpsnet_core.arrays.types import F64
 
 Choice = TypeVar("Choice")
 
@@ -46,15 +47,15 @@ def choice(rng: np.random.Generator, choices: Sequence[Choice], weights: Sequenc
     return choices[min(len(choices) - 1, int(np.searchsorted(shares, rng.random() * shares[-1], side="right")))]
 
 
-def direction(rng: np.random.Generator) -> NDArray[np.float64]:
+def direction(rng: np.random.Generator) -> F64:
     """A uniformly distributed unit vector."""
     vector = rng.normal(size=3)
     return vector / np.linalg.norm(vector)
 
 
-def rotation(rng: np.random.Generator) -> NDArray[np.float64]:
+def rotation(rng: np.random.Generator) -> F64:
     """(3, 3) a uniformly distributed rotation; rows are its axes."""
     z, hint = direction(rng), direction(rng)
-    x: NDArray[np.float64] = np.cross(hint, z)
+    x: F64 = np.cross(hint, z)
     x /= np.linalg.norm(x)
     return np.stack([x, np.cross(z, x), z])

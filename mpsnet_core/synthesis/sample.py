@@ -1,7 +1,6 @@
 """Samples: a view under each of three white lights, with its true normals; one EXR file each."""
 
 import json
-import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -10,13 +9,14 @@ from typing import Any
 
 import numpy as np
 import OpenImageIO as oiio
-from numpy.typing import NDArray
 
+from mpsnet_core.arrays.types import F32, I32, Bools
 from mpsnet_core.arrays.unit_vectors import dot, normalised
 from mpsnet_core.errors import FileError, FormatError, InputError
 from mpsnet_core.io.files import MAX_TEXT_BYTES, atomic_write, existing_file
 from mpsnet_core.io.image_input import channel_names, image_attribute, image_input, pending_error, silence_libraries
 from mpsnet_core.io.image_reading import MAX_VALUE
+from mpsnet_core.io.opening import AnyPath
 from mpsnet_core.scene.rig import LightRig
 from mpsnet_core.synthesis.scene_description import SceneDescription, scene_from_data
 
@@ -42,20 +42,20 @@ _NO_DATE = "1970:01:01 00:00:00"
 class Sample:
     """One view under each of three white lights, H x W pixels, row 0 on top."""
 
-    lights: NDArray[np.float32]
+    lights: F32
     """(3, H, W, 3) float32. Linear RGB radiance under each light alone; 1 for a white matt surface facing the light.
     Premultiplied with alpha: the background is black."""
-    normals: NDArray[np.float32]
+    normals: F32
     """(H, W, 3) float32. True unit normals in camera space (x right, y up, z towards the camera), bump included; zero
     outside alpha."""
-    depth: NDArray[np.float32]
+    depth: F32
     """(H, W) float32. Distance in front of the camera along its axis, in radii of the object's bounding sphere; 0
     outside alpha."""
-    alpha: NDArray[np.float32]
+    alpha: F32
     """(H, W) float32. Coverage of the pixel by the object, 0 to 1."""
-    material: NDArray[np.int32]
+    material: I32
     """(H, W) int32. Index of the material with the largest weight; -1 outside alpha."""
-    lit: NDArray[np.float32]
+    lit: F32
     """(3, H, W) float32. Share of each light that reaches the pixel, 0 to 1; 0 in attached and cast shadow."""
     recipe: SceneDescription
     """Description of the scene."""
@@ -63,7 +63,7 @@ class Sample:
     """For example "synthesis" or "Cycles 4.5.15"."""
 
     @property
-    def mask(self) -> NDArray[np.bool_]:
+    def mask(self) -> Bools:
         """(H, W) pixels that the object covers completely."""
         return self.alpha > 0.99
 
@@ -75,7 +75,7 @@ class Sample:
         return tuple(float(share) for share in shares)  # type: ignore[return-value]
 
 
-def write_sample(path: str | os.PathLike[str], sample: Sample) -> None:
+def write_sample(path: AnyPath, sample: Sample) -> None:
     """Write a sample as one multi-layer EXR, atomically.
 
     Layers are light1, light2, light3 (R, G, B), normal (X, Y, Z), depth (Z), alpha (A), material and lit1 to lit3 (V).
@@ -102,17 +102,8 @@ def write_sample(path: str | os.PathLike[str], sample: Sample) -> None:
     spec.attribute("compression", "zip:2")  # as small as zip:4 in two thirds of the time
     spec.attribute("DateTime", _NO_DATE)
     spec.attribute("oiio:ColorSpace", "raw")
-    spec.attribute(
-        METADATA,
-        json.dumps(
-            {
-                "version": SAMPLE_VERSION,
-                "renderer": sample.renderer,
-                "lit_fractions": sample.lit_fractions,
-                "recipe": sample.recipe.data(),
-            }
-        ),
-    )
+    about = {"version": SAMPLE_VERSION, "renderer": sample.renderer, "lit_fractions": sample.lit_fractions}
+    spec.attribute(METADATA, json.dumps({**about, "recipe": sample.recipe.data()}))
     with atomic_write(path) as unfinished:
         target = oiio.ImageOutput.create(str(unfinished))
         assert target is not None
@@ -126,7 +117,7 @@ def write_sample(path: str | os.PathLike[str], sample: Sample) -> None:
             raise FileError(f"cannot write {path} ({reason}); is the disk full?")
 
 
-def read_sample(path: str | os.PathLike[str]) -> Sample:
+def read_sample(path: AnyPath) -> Sample:
     """Read and check a sample.
 
     Parameters
@@ -165,19 +156,12 @@ def read_sample(path: str | os.PathLike[str]) -> Sample:
     }.items():
         if found:
             raise _damaged(path, fault)
-    return Sample(
-        lights=lights,
-        normals=np.where((alpha > 0)[..., None], normalised(normals), np.float32(0)),
-        depth=depth,
-        alpha=np.clip(alpha, 0, 1),
-        material=material.astype(np.int32),
-        lit=np.clip(lit, 0, 1),
-        recipe=recipe,
-        renderer=data["renderer"],
-    )
+    normals = np.where((alpha > 0)[..., None], normalised(normals), np.float32(0))
+    alpha, lit, material = np.clip(alpha, 0, 1), np.clip(lit, 0, 1), material.astype(np.int32)
+    return Sample(lights, normals, depth, alpha, material, lit, recipe, data["renderer"])
 
 
-def read_sample_data(path: str | os.PathLike[str]) -> dict[str, Any]:
+def read_sample_data(path: AnyPath) -> dict[str, Any]:
     """Read a sample's metadata only: "version", "renderer", "lit_fractions" and "recipe" (plain data).
 
     Also reads the last row of pixels, which truncated files lack. Raises FormatError if the file is truncated or no
@@ -191,7 +175,7 @@ def read_sample_data(path: str | os.PathLike[str]) -> dict[str, Any]:
 
 
 @contextmanager
-def _opened(path: str | os.PathLike[str]) -> Iterator[tuple[Any, Path]]:
+def _opened(path: AnyPath) -> Iterator[tuple[Any, Path]]:
     """The open file, after checking that it is one image with a sample's channels and an acceptable size."""
     path = existing_file(path, "sample")
     source = image_input(path)
@@ -201,10 +185,7 @@ def _opened(path: str | os.PathLike[str]) -> Iterator[tuple[Any, Path]]:
         spec = source.spec()
         placed = (spec.x, spec.y, spec.full_width, spec.full_height) == (0, 0, spec.width, spec.height)
         if source.format_name() != "openexr" or sorted(channel_names(spec, path)) != sorted(_CHANNELS) or not placed:
-            raise FormatError(
-                f"{path} is not a sample: it does not have a sample's layers; give a file that mpsnet synthesize or "
-                "Blender made"
-            )
+            raise FormatError(f"{path} is no sample: it lacks a sample's layers; give one that this program made")
         if max(spec.width, spec.height, spec.tile_width, spec.tile_height) > MAX_SIDE or spec.depth > 1:
             raise FormatError(
                 f"sample {path} states a size of {spec.width} x {spec.height}, more than {MAX_SIDE} pixels a side; "
@@ -219,9 +200,7 @@ def _description(source: Any, path: Path) -> tuple[dict[str, Any], SceneDescript
     """The metadata and its recipe, after checking that they are complete and match the image."""
     text = image_attribute(source.spec(), METADATA, str)
     if text is None or len(text) > MAX_TEXT_BYTES:
-        raise FormatError(
-            f"{path} is not a sample: it has no description; give a file that mpsnet synthesize or Blender made"
-        )
+        raise FormatError(f"{path} is no sample: it has no description; give one that this program made")
     try:
         data = json.loads(text)
         version, renderer = data["version"], data["renderer"]
@@ -233,9 +212,7 @@ def _description(source: Any, path: Path) -> tuple[dict[str, Any], SceneDescript
     if not known:
         raise FormatError(f"sample {path} is damaged: its description cannot be read; delete it and make it again")
     if not 1 <= version <= SAMPLE_VERSION:
-        raise FormatError(
-            f"sample {path} is of version {version}, this program reads up to {SAMPLE_VERSION}; update it"
-        )
+        raise FormatError(f"sample {path} has version {version}, above {SAMPLE_VERSION}; update this program")
     try:
         recipe = scene_from_data(data["recipe"])
         rig = LightRig(recipe.light_directions)
@@ -249,15 +226,13 @@ def _description(source: Any, path: Path) -> tuple[dict[str, Any], SceneDescript
     return data, recipe
 
 
-def _pixels(source: Any, begin: int, end: int, path: Path) -> NDArray[np.float32]:
+def _pixels(source: Any, begin: int, end: int, path: Path) -> F32:
     """Rows `begin` to `end` - 1 of all channels, (rows, W, C)."""
     with silence_libraries():
         values = source.read_scanlines(begin, end, 0, 0, len(_CHANNELS), oiio.FLOAT)
     reason = pending_error(source)
     if values is None or reason:
-        raise FormatError(
-            f"sample {path} is damaged or cut short ({reason or 'no pixels'}); delete it and make it again"
-        )
+        raise FormatError(f"sample {path} is damaged ({reason or 'no pixels'}); delete it and make it again")
     return np.asarray(values, np.float32).reshape(end - begin, source.spec().width, len(_CHANNELS))
 
 
@@ -265,6 +240,6 @@ def _damaged(path: Path, fault: str) -> FormatError:
     return FormatError(f"sample {path} is damaged: it holds {fault}; delete it and make it again")
 
 
-def _outside_unit(values: NDArray[np.float32]) -> bool:
+def _outside_unit(values: F32) -> bool:
     # Half floats and denoisers cause small deviations.
     return bool(values.min() < -0.001 or values.max() > 1.001)

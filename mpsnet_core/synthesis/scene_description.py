@@ -4,8 +4,8 @@ from dataclasses import asdict, dataclass, field, fields
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mpsnet_core.arrays.types import F64
 from mpsnet_core.errors import FormatError, InputError
 from mpsnet_core.scene.camera import Camera, camera_data, camera_from_data
 
@@ -119,14 +119,14 @@ class SceneDescription:
     """Number of the sample."""
     shape: dict[str, Any]
     """Description for :func:`mpsnet_core.synthesis.shapes.build_shape`, plain JSON."""
-    rotation: NDArray[np.float64]
+    rotation: F64
     """(3, 3) float64. From object space to world space, whose axes are the camera's."""
     camera: Camera
     """On the z axis, looking along -z, with a square image."""
-    light_directions: NDArray[np.float64]
+    light_directions: F64
     """(3, 3) float64. Unit vectors from the origin to the three lights, one per row. Lights are white, distant, and of
     irradiance pi: a white matt surface facing one has radiance 1."""
-    light_sizes: NDArray[np.float64]
+    light_sizes: F64
     """(3,) float64. Angular diameters of the lights in degrees, 0 for a point at infinity."""
     materials: tuple[Material, ...]
     """The materials of the surface."""

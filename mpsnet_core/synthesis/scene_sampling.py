@@ -11,8 +11,8 @@ from functools import lru_cache
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mpsnet_core.arrays.types import F64
 from mpsnet_core.errors import SettingsError
 from mpsnet_core.scene.camera import Camera
 from mpsnet_core.scene.rig import direction_from_angles
@@ -120,10 +120,7 @@ def draw_scene(job: SampleJob, number: int) -> SceneDescription:
         paint=_paint(rng, PAINT_SHARE if finish in ("mixed", "metal") else 0.0),
         dirt=_dirt(rng, DIRT_SHARE if finish in ("mixed", "metal") else 0.0),
         bump=_bump(rng, ENGRAVED_SHARE if finish == "metal" else BUMP_SHARE),
-        bounces=min(
-            job.bounces,
-            choice(rng, range(4), BOUNCE_SHARES_IN_HOLLOWS if shape["kind"] == "hollows" else BOUNCE_SHARES),
-        ),
+        bounces=_bounces(rng, job, BOUNCE_SHARES_IN_HOLLOWS if shape["kind"] == "hollows" else BOUNCE_SHARES),
     )
 
 
@@ -146,13 +143,11 @@ def _paper_scene(job: SampleJob, number: int, rng: np.random.Generator, shape: d
         shape=shape,
         rotation=_rotation(rng, shape["pose"]),
         camera=_camera(rng, job.size),
-        light_directions=_published_directions(
-            rng, PUBLISHED_RIGS[:1] if job.style == "paper-one-rig" else PUBLISHED_RIGS
-        ),
+        light_directions=_published_directions(rng, PUBLISHED_RIGS[: 1 if job.style == "paper-one-rig" else None]),
         light_sizes=np.zeros(3),
         materials=tuple(Material(kind=kind, source=source) for kind, source in chosen),
         pattern=pattern,
-        bounces=min(job.bounces, choice(rng, range(4), BOUNCE_SHARES)),
+        bounces=_bounces(rng, job, BOUNCE_SHARES),
     )
 
 
@@ -164,10 +159,14 @@ def _draw_shape(job: SampleJob, number: int) -> dict[str, Any]:
     return draw_shape(rng, kind, mesh_files(job.meshes) if kind == "meshes" else ())
 
 
+def _bounces(rng: np.random.Generator, job: SampleJob, shares: Sequence[float]) -> int:
+    return min(job.bounces, choice(rng, range(4), shares))
+
+
 # --- poses, camera and lights -----------------------------------------------------------------------------------------
 
 
-def _rotation(rng: np.random.Generator, pose: str) -> NDArray[np.float64]:
+def _rotation(rng: np.random.Generator, pose: str) -> F64:
     if pose not in ("upright", "front"):
         return rotation(rng)
     spin = turn_about(Z, uniform(rng, 0, 360)).T
@@ -176,7 +175,7 @@ def _rotation(rng: np.random.Generator, pose: str) -> NDArray[np.float64]:
         return roll @ turn_about((1, 0, 0), uniform(rng, *UPRIGHT_ELEVATION) - 90).T @ spin
     # "front": the object's z towards the camera
     tilt = uniform(rng, 0, 2 * math.pi)
-    lean: NDArray[np.float64] = turn_about((math.cos(tilt), math.sin(tilt), 0), FRONT_TURN * math.sqrt(rng.random())).T
+    lean: F64 = turn_about((math.cos(tilt), math.sin(tilt), 0), FRONT_TURN * math.sqrt(rng.random())).T
     return lean @ spin
 
 
@@ -192,14 +191,14 @@ def _camera(rng: np.random.Generator, size: int) -> Camera:
     return Camera("perspective", size, size, np.full(2, size * length / SENSOR_WIDTH), centre, pose)
 
 
-def _light_directions(rng: np.random.Generator) -> NDArray[np.float64]:
+def _light_directions(rng: np.random.Generator) -> F64:
     slants = np.clip(uniform(rng, *SLANT) + SLANT_SPREAD * rng.normal(size=3), *SLANT)
     handed = 1 if rng.random() < 0.5 else -1
     strays = np.clip(TILT_SPREAD * rng.normal(size=3), -TILT_REACH, TILT_REACH)
     return direction_from_angles(slants, 360 * rng.random() + handed * np.array([0, 120, 240]) + strays)
 
 
-def _published_directions(rng: np.random.Generator, rigs: Sequence[Any]) -> NDArray[np.float64]:
+def _published_directions(rng: np.random.Generator, rigs: Sequence[Any]) -> F64:
     slants, tilts = np.array(choice(rng, rigs)) + PUBLISHED_SPREAD * np.clip(rng.normal(size=(2, 3)), -2, 2)
     return direction_from_angles(slants, tilts)
 

@@ -23,8 +23,7 @@ from blender_addon.operators import core_run
 from blender_addon.photo import photo
 from mpsnet_core.cli.command import OPERATIONS
 from mpsnet_core.cli.reporter import NoteCollector
-from mpsnet_core.operation import Operation
-from mpsnet_core.operation_json import from_json, to_json
+from mpsnet_core.operation import Operation, from_json, to_json
 from mpsnet_core.progress import silent
 
 from .rendering import STATUE, matte, statue

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from blender_addon.child_process.core_process import blender_command
-from mpsnet_core.capture.sources import Source
+from mpsnet_core.capture.open import Source
 from mpsnet_core.errors import InputError
 from mpsnet_core.estimate.sequence.source import Masks
 from mpsnet_core.estimate.sequence.video import read_video_header, video_frames, video_outputs
@@ -74,7 +74,7 @@ def test_every_frame_comes_out_in_order(header, tmp_path, name, codec, kind, dep
 
 def test_what_is_no_video_gets_one_sentence(header, tmp_path):
     (tmp_path / "x.mkv").write_text("no video")
-    with pytest.raises(InputError, match=r"x\.mkv cannot be read as a video.*complete video file"):
+    with pytest.raises(InputError, match=r"x\.mkv cannot be read as a video.*it is complete"):
         header(tmp_path / "x.mkv")
 
 

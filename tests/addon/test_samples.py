@@ -338,7 +338,7 @@ def test_a_file_that_is_no_render_of_the_recipe(layers, tmp_path):
         read(layers, recipe(materials=(WHITE,) * 7))
     with pytest.raises(InputError, match=r"layers.exr has no Material Index pass"):
         read(layers, recipe(materials=()))
-    with pytest.raises(InputError, match=r"layers.exr is 64 x 64, its recipe 32 x 32"):
+    with pytest.raises(InputError, match=r"layers.exr is 64 x 64, not 32 x 32"):
         read(layers, replace(four_materials(), camera=camera("orthographic", size=32)))
     with pytest.raises(InputError, match=r"render .*gone.exr does not exist"):
         read(tmp_path / "gone.exr")

@@ -15,9 +15,8 @@ import numpy as np
 
 from mpsnet_core import Capture, read_mesh
 from mpsnet_core.arrays.unit_vectors import rotation_matrices
-from mpsnet_core.estimate.alignment.mesh_faces import MeshFaces
 from mpsnet_core.estimate.alignment.points import USUAL_FOCAL, camera_from_points
-from mpsnet_core.estimate.alignment.pose import Poses, spread_rotations
+from mpsnet_core.estimate.alignment.pose import MeshFaces, Poses, spread_rotations
 from mpsnet_core.estimate.alignment.refine import PhotoPyramid, refine_camera
 from mpsnet_core.estimate.alignment.search import search_cameras
 from mpsnet_core.estimate.estimator import Estimator

@@ -16,8 +16,7 @@ from numpy.typing import NDArray
 
 from mpsnet_core import Capture, InputError
 from mpsnet_core.arrays.unit_vectors import angular_error, normalised
-from mpsnet_core.estimate.lights.find import find_lights
-from mpsnet_core.estimate.lights.network import guess_lights
+from mpsnet_core.estimate.lights.find import find_lights, guess_lights
 from mpsnet_core.learning.evaluation.diligent import object_folder, read_diligent
 from mpsnet_core.learning.evaluation.published import PUBLISHED_LIGHTS
 from mpsnet_core.learning.training.packed import PackedSamples

@@ -21,8 +21,7 @@ from memory import peak_of_estimate
 
 from mpsnet_core.arrays.unit_vectors import normalised
 from mpsnet_core.capture.capture import Capture
-from mpsnet_core.capture.open import PhotoSet
-from mpsnet_core.capture.sources import Source
+from mpsnet_core.capture.open import PhotoSet, Source
 from mpsnet_core.estimate.estimator import Estimator
 from mpsnet_core.estimate.sequence.run import estimate_sequence
 from mpsnet_core.estimate.sequence.source import Frame, Masks, photo_frames

@@ -16,11 +16,10 @@ from synthetic import write_file
 
 from mpsnet_core.errors import GeometryError
 from mpsnet_core.estimate.alignment import search
-from mpsnet_core.estimate.alignment.mesh_faces import MeshFaces
-from mpsnet_core.estimate.alignment.mirror import find_better_mirrored
 from mpsnet_core.estimate.alignment.points import camera_from_points
+from mpsnet_core.estimate.alignment.pose import MeshFaces
 from mpsnet_core.estimate.alignment.refine import PhotoPyramid, measure_fit, refine_camera
-from mpsnet_core.estimate.alignment.search import search_cameras
+from mpsnet_core.estimate.alignment.search import find_better_mirrored, search_cameras
 from mpsnet_core.io.image_reading import read_image
 from mpsnet_core.scene.camera import Camera, read_camera, write_camera
 from mpsnet_core.scene.normal_map import NormalMap
@@ -233,7 +232,7 @@ class TestCommand:
         # By the diagonal, EXIF's own way, on a photo of 6:5.
         focal = stated * np.hypot(6, 5) / 6 * 36 / np.hypot(36, 24)
         used, refused = (
-            f"photo.jpg states a lens of {focal:.0f} mm (EXIF), from which the search starts",
+            f"photo.jpg states a lens of {focal:.0f} mm, where the search starts",
             "which no camera",
         )
         assert (used in done.stderr) == (stated >= 60 and not given)
@@ -382,7 +381,7 @@ class TestCommand:
     def test_an_object_too_small_or_thin_gets_one_sentence(self, mpsnet, files, shape: tuple[int, int]):
         write_file(files / "photo.exr", np.full((*shape, 3), 0.5), "float")
         done = self.align(mpsnet, files, "--mask", "none", code=2)
-        assert f"the object is {shape[1]} x {shape[0]} pixels, too few to align a mesh with" in done.stderr
+        assert f"the object is {shape[1]} x {shape[0]} pixels, too few to align a mesh" in done.stderr
 
     @pytest.mark.parametrize(
         ("text", "sentence"),

@@ -113,9 +113,9 @@ def test_lights_that_stand_near() -> None:
     ball = find_balls(image, camera, radius=0.2, mirror=False)[0]
     found = mixing_from_ball(taken(image), ball, near_rig(places, middle))
     assert np.abs(found.mixing - MIXING).max() < 0.01
-    with pytest.raises(InputError, match=r"only a perspective camera sees"):
+    with pytest.raises(InputError, match=r"to see perspective"):
         mixing_from_ball(taken(image), drawn(), near_rig(places, middle))
-    with pytest.raises(InputError, match=r"only a perspective camera sees"):
+    with pytest.raises(InputError, match=r"to see perspective"):
         mixing_from_ball_by_light([taken(image)] * 3, drawn(), near_rig(places, middle))
 
 

@@ -118,7 +118,7 @@ def test_an_address_where_nobody_answers_is_reported(
 ) -> None:
     monkeypatch.setattr(dask, "CONNECT_SECONDS", 0.2)
     write_job(tmp_path, job(3))
-    with pytest.raises(InputError, match=f"no Dask scheduler answers at {address} .*give an address like tcp://"):
+    with pytest.raises(InputError, match=f"no Dask scheduler at {address} .*give one like tcp://"):
         make_samples(tmp_path, job(3), COMMAND, cluster=address, cluster_trusted=True)
     assert capfd.readouterr().err == ""
     assert not [thing for thing in gc.get_objects() if isinstance(thing, Client) and thing.status == "connecting"]

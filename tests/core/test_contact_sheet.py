@@ -89,7 +89,7 @@ def test_a_folder_in_numbers(folder: Path, sample: Sample) -> None:
     summary = summarise(folder_samples(folder))
     assert (summary.samples, summary.renderers) == (4, {"a test": 2, "Cycles": 2})
     assert len(summary.skipped) == 2
-    assert "sample_000001.exr" in summary.skipped[0] and "sample_000002.exr is not a sample" in summary.skipped[1]
+    assert "sample_000001.exr" in summary.skipped[0] and "sample_000002.exr is no sample" in summary.skipped[1]
     count = np.bincount(sample.lit.sum(axis=0).astype(int)[sample.mask], minlength=4)
     upper = sample.mask.copy()
     upper[len(upper) // 2 :] = False

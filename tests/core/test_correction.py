@@ -10,7 +10,7 @@ import pytest
 from conftest import Mpsnet
 from synthetic import Sphere, degrees_between, shaded_sphere, write_file
 
-from mpsnet_core.capture.correction import Correction, corrected, read_correction
+from mpsnet_core.capture.decode import Correction, corrected, read_correction
 from mpsnet_core.errors import InputError
 from mpsnet_core.io.image_reading import read_image
 from mpsnet_core.scene.normal_map import read_normals
@@ -180,7 +180,7 @@ class TestBadInput:
         assert "flat.tif is overexposed; use a shorter exposure" in sentence
 
     def test_an_overexposed_dark_frame(self, shots: Shots) -> None:
-        assert "dark.tif is not a dark frame" in refused(lambda: self.read(dark=shots.write("dark.tif", 1)))
+        assert "dark.tif is no dark frame" in refused(lambda: self.read(dark=shots.write("dark.tif", 1)))
 
     def test_a_flat_field_without_one_light(self, shots: Shots) -> None:
         flat = shots.write("flat.tif", fall_off() * [0.5, 0, 0.5])

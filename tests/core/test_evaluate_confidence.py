@@ -8,7 +8,7 @@ from networks import card, conv, write_model
 from synthetic import degrees_between, diligent_object
 
 from mpsnet_core.arrays.statistics import rank_correlation
-from mpsnet_core.learning.evaluation.confidence import ConfidencePool, error_by_confidence
+from mpsnet_core.learning.evaluation.measure import ConfidencePool, error_by_confidence
 from mpsnet_core.learning.evaluation.operations import EvaluateDiligent
 
 

@@ -112,7 +112,7 @@ def test_a_file_that_differs_from_the_network_is_not_kept(tmp_path: Path, monkey
         return model
 
     monkeypatch.setattr(export, "onnx_of", wrong)
-    with pytest.raises(InputError, match="the exported model differs from the trained one by"):
+    with pytest.raises(InputError, match="the exported model differs from the trained by"):
         export_onnx(trained, tmp_path / "model.onnx")
     assert not list(tmp_path.iterdir())
 
@@ -148,7 +148,7 @@ def test_an_exported_network_can_be_trained_further(name: str, models: dict[str,
 def test_weights_of_another_network_are_refused(models: dict[str, tuple[Trained, Path]]) -> None:
     network = build_network("psfcn", SMALL["psfcn"])
     inputs = tuple(map(torch.from_numpy, inputs_of(network, 2, 64, 64).values()))
-    with pytest.raises(InputError, match="is of another network than the recipe's; resume from another"):
+    with pytest.raises(InputError, match="is not of the recipe's network; resume from another"):
         load_exported_weights(network, read_exported(models["multiscale"][1]), inputs)
 
 

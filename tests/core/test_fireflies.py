@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 from synthetic import Sphere, degrees_between, shaded_sphere
 
-from mpsnet_core.estimate.estimator import estimate_normals
-from mpsnet_core.estimate.fireflies import remove_fireflies
+from mpsnet_core.estimate.estimator import estimate_normals, remove_fireflies
 
 
 @pytest.fixture(scope="module")

@@ -27,7 +27,7 @@ from mpsnet_core.cli.command import argument_parser
 from mpsnet_core.errors import InputError
 from mpsnet_core.relief.height_files import read_height
 from mpsnet_core.scene.photogrammetry import read_cameras
-from mpsnet_core.synthesis.reflectance.fits import read_fits
+from mpsnet_core.synthesis.reflectance.measured import read_fits
 from mpsnet_core.synthesis.sample import read_sample
 
 pytestmark = pytest.mark.long

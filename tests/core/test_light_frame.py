@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from mpsnet_core.estimate.light_frame import LightFrame, canonical_frames
+from mpsnet_core.estimate.features import LightFrame, canonical_frames
 from mpsnet_core.scene.rig import LightRig, direction_from_angles
 
 TILTS = [

@@ -11,7 +11,7 @@ import pytest
 from conftest import Mpsnet
 from synthetic import shaded_sphere, write_file
 
-from mpsnet_core.capture.correction import read_correction
+from mpsnet_core.capture.decode import read_correction
 from mpsnet_core.capture.masks import MaskNotes, auto_mask, background_mask, find_mask, threshold_mask
 from mpsnet_core.capture.open import read_capture
 from mpsnet_core.errors import InputError

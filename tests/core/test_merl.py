@@ -9,7 +9,7 @@ from directions import Array, angles_by_rotation, hemisphere, up
 from mpsnet_core.errors import InputError
 from mpsnet_core.synthesis.reflectance import MerlTable, load_reflectance
 from mpsnet_core.synthesis.reflectance.hemisphere import rusinkiewicz_angles
-from mpsnet_core.synthesis.reflectance.merl import read_merl
+from mpsnet_core.synthesis.reflectance.measured import read_merl
 from mpsnet_core.synthesis.scene_description import Material
 
 BINS = (90, 90, 180)

@@ -8,7 +8,7 @@ from directions import Array, angles_by_rotation, hemisphere, up
 
 from mpsnet_core.errors import InputError
 from mpsnet_core.synthesis.reflectance import load_reflectance, material_names
-from mpsnet_core.synthesis.reflectance.fits import read_fits
+from mpsnet_core.synthesis.reflectance.measured import read_fits
 from mpsnet_core.synthesis.scene_description import Material
 
 SHAPES = {"fc1": (6, 21), "b1": (21,), "fc2": (21, 21), "b2": (21,), "fc3": (21, 3), "b3": (3,)}

@@ -11,8 +11,7 @@ from networks import pass_through
 from synthetic import CROSSTALK, degrees_between, write_file
 
 from mpsnet_core.capture.capture import Capture
-from mpsnet_core.capture.open import PhotoSet, read_capture
-from mpsnet_core.capture.sources import Source
+from mpsnet_core.capture.open import PhotoSet, Source, read_capture
 from mpsnet_core.cli import main
 from mpsnet_core.errors import InputError, NoObject
 from mpsnet_core.estimate.distant_lights import convert_to_distant_view
@@ -197,7 +196,7 @@ def test_the_command_line_takes_camera_and_distance(
 @pytest.mark.parametrize(
     ("arguments", "sentence"),
     [
-        ((), "the rig's lights stand near the object, so its distance counts: give the camera"),
+        ((), "the rig's lights are near: give the camera"),
         (("--camera", "camera.json", "--focal", "50"), "--camera and --focal both define the lens"),
         (("--focal", "50", "--mesh", "ball.obj"), "--mesh needs --camera"),
         (("--camera", "camera.json", "--mesh", "ball.obj", "--distance", "3"), "both define how far"),

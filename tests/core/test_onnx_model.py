@@ -21,10 +21,10 @@ from mpsnet_core.arrays.unit_vectors import normalised
 from mpsnet_core.capture.capture import Capture
 from mpsnet_core.errors import InputError
 from mpsnet_core.estimate.card import CARD_KEY, CARD_VERSION, card_from_metadata
+from mpsnet_core.estimate.dense import PATCHES_A_BATCH
 from mpsnet_core.estimate.estimator import estimate_normals
 from mpsnet_core.estimate.features import feature_maps
 from mpsnet_core.estimate.onnx_model import OnnxModel
-from mpsnet_core.estimate.patches import PATCHES_A_BATCH
 
 
 @pytest.fixture(scope="module")
@@ -258,7 +258,7 @@ def own_operator(path: Path) -> Path:
 
 test_a_bad_network_gets_one_clear_sentence = gets_one_clear_sentence(
     [
-        ("an endless loop", use(dense(nodes=ENDLESS)), 'm.onnx has the operator "Loop", which feed-forward'),
+        ("an endless loop", use(dense(nodes=ENDLESS)), 'm.onnx has the operator "Loop"'),
         (
             "operators of another domain",
             use(dense(nodes=[helper.make_node("Identity", ["x"], ["normals"], domain="com.microsoft")])),
@@ -290,7 +290,7 @@ test_a_bad_network_gets_one_clear_sentence = gets_one_clear_sentence(
             "m.onnx cannot be used: its metadata are not UTF-8 text; export it again",
         ),
         ("unknown name", lambda b: estimate_normals(SPHERE.capture(), "mpsnet9"), "no model 'mpsnet9'"),
-        (lambda b: estimate_normals(SPHERE.capture(), b.bytes("m.onnx", bytes(range(256)))), "m.onnx is not an ONNX"),
+        (lambda b: estimate_normals(SPHERE.capture(), b.bytes("m.onnx", bytes(range(256)))), "no ONNX model"),
         ("no card", use(dense(card=None)), "m.onnx…no card (metadata 'mpsnet.card')"),
         ("card not JSON", use(dense(card="{")), "m.onnx…card…not valid JSON"),
         ("card of a newer version", card_with(version=CARD_VERSION + 1), "version 2, this program reads version 1"),
@@ -306,15 +306,15 @@ test_a_bad_network_gets_one_clear_sentence = gets_one_clear_sentence(
         ("a magnification beyond memory", card_with(kind="pyramid", magnified=1e6), 'm.onnx…"magnified" is 1000000.0'),
         ("three passes in the camera's frame", card_with(passes=3), '"passes" is 3, which needs the "frame"'),
         ("card with other inputs", card_with(inputs={"y": ["photo"]}), "m.onnx…inputs ['x'], its card describes ['y']"),
-        ("wrong channel count", use(dense(channels=4, shape=("n", 4, "h", "w"))), "expected tensor(float) ['any', 3"),
-        ("fixed size", use(dense(shape=("n", 3, 64, 64))), "m.onnx…fixed size…64, 64]…export with dynamic sizes"),
+        ("wrong channel count", use(dense(channels=4, shape=("n", 4, "h", "w"))), "not tensor(float) ['any', 3"),
+        ("fixed size", use(dense(shape=("n", 3, 64, 64))), "m.onnx…64, 64]…export it so"),
         ("a patch of another size", use(dense(shape=("n", 3, 7, 7), card=card(kind="patch", patch=5))), "m.onnx…7, 7]"),
         ("no output called normals", use(dense("depth")), 'm.onnx…no output called "normals"'),
-        ("four channels out", use(dense(answers=4)), 'm.onnx…output "normals" is (1, 4,…expected (1, 3,'),
+        ("four channels out", use(dense(answers=4)), 'm.onnx…"normals" is (1, 4,…expected (1, 3,'),
         (
             "patches that give too much",
             use(lambda path: pass_through(path, card(kind="patch", patch=3), inputs={"x": ("n", 3, 3, 3)})),
-            'm.onnx…output "normals" is (128, 3, 3, 3), expected (128, 3)',
+            'm.onnx…"normals" is (128, 3, 3, 3), expected (128, 3)',
         ),
         (
             "NaN out",
@@ -343,7 +343,7 @@ test_a_bad_network_gets_one_clear_sentence = gets_one_clear_sentence(
                     outputs={"normals": DENSE, "confidence": DENSE},
                 )
             ),
-            'm.onnx…output "confidence" is (1, 3, 16, 16), expected (1, 1, 16, 16)',
+            'm.onnx…"confidence" is (1, 3, 16, 16), expected (1, 1, 16, 16)',
         ),
         (lambda b: estimate_normals(SPHERE.capture(), pass_through(b / "m.onnx"), tile=8), "tile of 8 pixels is too"),
         (lambda b: estimate_normals(SPHERE.capture(), pass_through(b / "m.onnx"), threads=-1), "-1 threads is out of"),

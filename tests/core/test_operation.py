@@ -8,9 +8,8 @@ import numpy as np
 import pytest
 
 from mpsnet_core.bake.operations import Bake
-from mpsnet_core.cli.arguments import Parser
+from mpsnet_core.cli.arguments import Parser, add_operation
 from mpsnet_core.cli.command import OPERATIONS
-from mpsnet_core.cli.operations import add_operation
 from mpsnet_core.cli.reporter import Reporter
 from mpsnet_core.errors import FileError, InputError
 from mpsnet_core.io.provenance import operation_facts

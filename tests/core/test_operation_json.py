@@ -12,8 +12,7 @@ from mpsnet_core.calibrate.operations import CalibrateLights
 from mpsnet_core.cli.command import OPERATIONS
 from mpsnet_core.errors import SettingsError
 from mpsnet_core.estimate.operations import Estimate
-from mpsnet_core.operation import Operation
-from mpsnet_core.operation_json import from_json, to_json
+from mpsnet_core.operation import Operation, from_json, to_json
 
 SENT: list[tuple[Operation, dict[str, Any]]] = [
     (

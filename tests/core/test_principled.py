@@ -7,7 +7,7 @@ import pytest
 from directions import Array, hemisphere, up
 
 from mpsnet_core.synthesis.reflectance import PrincipledBsdf
-from mpsnet_core.synthesis.reflectance.ggx import fresnel_dielectric, ior_of_reflectance, reflectance_of_ior
+from mpsnet_core.synthesis.reflectance.principled import fresnel_dielectric, ior_of_reflectance, reflectance_of_ior
 from mpsnet_core.synthesis.scene_description import Material
 
 WHITE = (1.0, 1.0, 1.0)

@@ -14,8 +14,7 @@ from conftest import Mpsnet
 from synthetic import write_file
 
 from mpsnet_core import LightRig, NormalMap, write_normals, write_rig
-from mpsnet_core.capture.open import open_captures
-from mpsnet_core.capture.sources import Source
+from mpsnet_core.capture.open import Source, open_captures
 from mpsnet_core.io.image import Image
 from mpsnet_core.scene.normal_directions import check_directions
 from mpsnet_core.scene.rig import direction_from_angles

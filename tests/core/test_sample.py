@@ -209,10 +209,10 @@ def channel(name: str, value: float) -> Callable[[dict[str, np.ndarray], dict[st
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        (drop_channel, "not a sample: it does not have a sample's layers"),
-        (drop_description, "not a sample: it has no description"),
+        (drop_channel, "no sample: it lacks a sample's layers"),
+        (drop_description, "no sample: it has no description"),
         (break_description, "its description cannot be read"),
-        (description(version=99), "version 99, this program reads up to 1; update it"),
+        (description(version=99), "version 99, above 1"),
         (description(lit_fractions=[0, 0, 2, 0]), "its description cannot be read"),
         (recipe(materials=[{"gloss": 1}]), "recipe is not known to this program"),
         (recipe(light_directions=[[0, 0, 1]] * 3), "lie .nearly. in one plane"),
@@ -244,8 +244,8 @@ def test_other_files_are_reported(tmp_path: Path, sample: Sample) -> None:
     huge.write_bytes(huge_header(sample, tmp_path))
     for path, words in (
         (tmp_path / "none.exr", "does not exist"),
-        (photo, "not a sample: it does not have a sample's layers"),
-        (disguised, "not a sample"),
+        (photo, "no sample: it lacks a sample's layers"),
+        (disguised, "no sample"),
         (text, "not a sample, or its header is cut short"),
         (huge, "10000 x 48, more than 8192 pixels a side"),
     ):

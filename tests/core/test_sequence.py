@@ -12,8 +12,7 @@ from conftest import Mpsnet
 from synthetic import degrees_between, listing, named, shaded_sphere, write_file, write_parts
 
 from mpsnet_core.capture.capture import Capture
-from mpsnet_core.capture.open import PhotoSet
-from mpsnet_core.capture.sources import Source
+from mpsnet_core.capture.open import PhotoSet, Source
 from mpsnet_core.errors import Cancelled, InputError
 from mpsnet_core.estimate.estimator import Estimator
 from mpsnet_core.estimate.sequence.run import Outcome, estimate_sequence

@@ -8,7 +8,7 @@ from mpsnet_core.arrays.unit_vectors import angular_error
 from mpsnet_core.scene.rig import direction_from_angles
 from mpsnet_core.synthesis.reflectance import load_reflectance
 from mpsnet_core.synthesis.scene_description import Bump, Dirt, Material, Paint, Pattern
-from mpsnet_core.synthesis.shading.gloss import lobe, reflect_light
+from mpsnet_core.synthesis.shading.indirect import lobe, reflect_light
 from mpsnet_core.synthesis.shading.lights import Light
 from mpsnet_core.synthesis.shading.synthesise import synthesise
 from mpsnet_core.synthesis.shapes.shape import Shape, joined

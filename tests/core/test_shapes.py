@@ -14,11 +14,9 @@ from mpsnet_core.synthesis.shapes import KINDS, Shape, build_shape, draw_shape, 
 from mpsnet_core.synthesis.shapes.blobs import CHARACTERS as BLOBS
 from mpsnet_core.synthesis.shapes.drapery import CHARACTERS as DRAPERY
 from mpsnet_core.synthesis.shapes.hollows import CHARACTERS as HOLLOWS
-from mpsnet_core.synthesis.shapes.isosurface import isosurface, surface_nets
+from mpsnet_core.synthesis.shapes.isosurface import box, cylinder, ellipsoid, isosurface, limb, surface_nets
 from mpsnet_core.synthesis.shapes.reliefs import CHARACTERS as RELIEFS
-from mpsnet_core.synthesis.shapes.shape import smooth_shape
-from mpsnet_core.synthesis.shapes.solids import box, cylinder, ellipsoid, limb
-from mpsnet_core.synthesis.shapes.surfaces import bent, displaced, sphere
+from mpsnet_core.synthesis.shapes.shape import bent, displaced, smooth_shape, sphere
 
 DRAWN = [
     *(("blobs", character) for character in BLOBS),

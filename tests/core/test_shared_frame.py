@@ -10,7 +10,7 @@ from synthetic import write_file
 
 from mpsnet_core import as_channels, published_rig, read_capture, read_correction, read_image, superpose
 from mpsnet_core.calibrate.photos import BallPhotos
-from mpsnet_core.capture.correction import corrected
+from mpsnet_core.capture.decode import corrected
 
 RNG = np.random.default_rng(5)
 # What the sensor sees: not square, and without symmetry.

@@ -7,7 +7,7 @@ import pytest
 from synthetic import degrees_between
 
 from mpsnet_core.errors import InputError
-from mpsnet_core.estimate.sequence.smoothing import EstimatedFrame, smoothed
+from mpsnet_core.estimate.sequence.run import EstimatedFrame, smoothed
 from mpsnet_core.scene.normal_map import NormalMap
 from mpsnet_core.scene.rig import published_rig
 

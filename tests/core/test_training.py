@@ -229,12 +229,12 @@ def test_an_exported_network_goes_on_at_its_step(network: str, samples: Path, tm
     record = OnnxModel(tmp_path / "further.onnx").record
     assert record is not None and record["continues"]["steps"] == 4
     before = checkpoint.read_bytes()
-    with pytest.raises(InputError, match="from an earlier run; continue it with --resume"):
+    with pytest.raises(InputError, match="of an earlier run; continue it with --resume"):
         run(further, samples, checkpoint, resume=exported)
     assert checkpoint.read_bytes() == before
-    with pytest.raises(InputError, match=r"model\.onnx has had 4 steps already, which --stop-after counts too"):
+    with pytest.raises(InputError, match=r"model\.onnx has had 4 steps, which --stop-after counts"):
         run(further, samples, tmp_path / "none", resume=exported, stop_after=4)
-    with pytest.raises(InputError, match="has had 4 steps already, the recipe has 4; give it more"):
+    with pytest.raises(InputError, match="has had 4 steps of 4; give more"):
         run(recipe(network, steps=4), samples, tmp_path / "again", resume=exported)
 
 

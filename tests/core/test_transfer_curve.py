@@ -9,7 +9,7 @@ import pytest
 from synthetic import Sphere, shaded_sphere
 
 from mpsnet_core import Check, write_rig
-from mpsnet_core.capture.correction import read_correction
+from mpsnet_core.capture.decode import read_correction
 from mpsnet_core.capture.open import read_capture
 from mpsnet_core.capture.transfer import CLOSE, DECIDED, evidence_for_linear
 from mpsnet_core.io.image import linear_to_srgb, srgb_to_linear

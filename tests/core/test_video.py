@@ -14,7 +14,7 @@ import pytest
 from conftest import Mpsnet
 from synthetic import Sphere, listing, write_file
 
-from mpsnet_core.capture.sources import Source
+from mpsnet_core.capture.open import Source
 from mpsnet_core.errors import InputError
 from mpsnet_core.estimate.sequence.source import Frame, Masks
 from mpsnet_core.estimate.sequence.video import read_video_header, video_frames, video_outputs
@@ -250,7 +250,7 @@ def test_a_size_beyond_reason_is_refused_before_memory_is_asked_for(
 ) -> None:
     path = clip(tmp_path / "a.mkv", noise(1))
     monkeypatch.setattr("mpsnet_core.estimate.sequence.video.MAX_PIXELS", WIDTH * HEIGHT - 1)
-    with pytest.raises(InputError, match=r"a\.mkv says it is 40 x 24; this program reads up to"):
+    with pytest.raises(InputError, match=r"a\.mkv is 40 x 24, above"):
         decoded(path)
 
 

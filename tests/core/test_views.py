@@ -423,13 +423,16 @@ BAD: dict[str, tuple[Callable[[Table], list[Any]], str]] = {
         r"the photo of camera side1.camera.json may be any of side1.exr, side1.png in",
     ),
     "a photo of another size": (small_photo, r"view side1: .*the camera is 96 x 96 but the photo is 50 x 40"),
-    "a camera that looks elsewhere": (elsewhere, r"view side1: .*do the cameras and the mesh share one world"),
+    "a camera that looks elsewhere": (elsewhere, r"view side1: .*do cameras and mesh share one world"),
     "a damaged photo": (broken_photo, r"view side1: .*side1.exr cannot be read|view side1: .*side1.exr is damaged"),
     "a folder without cameras": (
         lambda t: ["--cameras", t / "photos"],
         r"photos holds no file NAME\.camera\.json for a photo called NAME, and no COLMAP model .*; choose the folder",
     ),
-    "a level that is none": (lambda t: ["--level", "much"], r"--level much is not known; give on, off, or a scale"),
+    "a level that is none": (
+        lambda t: ["--level", "much"],
+        r"--level much is not known; give auto, on, off, or a scale",
+    ),
     "an output over the rig": (lambda t: ["--json", t / "rig.json"], r"would overwrite .*rig.json"),
 }
 

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 from painted_sphere import Painted
 
-from mpsnet_core.capture.capture import Capture, doubts
-from mpsnet_core.capture.white_edges import shows_another_scene
+from mpsnet_core.capture.capture import Capture, doubts, shows_another_scene
 from mpsnet_core.scene.rig import direction_from_angles, published_rig
 
 RNG = np.random.default_rng(4)

@@ -2,17 +2,15 @@
 
 from collections.abc import Callable
 from dataclasses import replace
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mpsnet_core.arrays.row_bands import bands, on_all_cores
+from mpsnet_core.arrays.types import F64, Bools, Floats
 from mpsnet_core.capture.capture import Capture
 from mpsnet_core.estimate.distant_lights import lights_in
 from mpsnet_core.scene.normal_map import NormalMap
-
-Floats = NDArray[np.floating[Any]]
 
 SAMPLED = 20_000  # pixels of a large photo
 MIN_PIXELS = 200  # with fewer, the surface's colours cannot be found
@@ -27,7 +25,7 @@ class Pixels(NamedTuple):
 
     light: Floats
     """(..., 3). Unmixed image."""
-    lights: NDArray[np.float64]
+    lights: F64
     """(..., 3, 3). Light directions times brightness, one light per row."""
     cosines: Floats
     """(..., 3). `lights` times the estimated normals."""
@@ -37,8 +35,7 @@ class Pixels(NamedTuple):
     @property
     def log_albedos(self) -> Floats:
         """(..., 3) logarithm of the albedo by each light; too dark where a light grazes the surface."""
-        logarithms: Floats = np.log(np.maximum(self.light, DARKEST) / np.maximum(self.cosines, self.grazing))
-        return logarithms
+        return np.log(np.maximum(self.light, DARKEST) / np.maximum(self.cosines, self.grazing))
 
 
 def pixels_in(capture: Capture, normals: NormalMap, rows: slice) -> Pixels:
@@ -49,11 +46,10 @@ def pixels_in(capture: Capture, normals: NormalMap, rows: slice) -> Pixels:
     return Pixels(light, lights, cosines, GRAZING * np.linalg.norm(lights, axis=-1))
 
 
-def valid_in(capture: Capture, pixels: Pixels, rows: slice) -> NDArray[np.bool_]:
+def valid_in(capture: Capture, pixels: Pixels, rows: slice) -> Bools:
     """(h, W) pixels inside the mask, not clipped, and lit by all three lights in both normals and photo."""
     reached = (pixels.light > 0).all(axis=-1) & (pixels.cosines > pixels.grazing).all(axis=-1)
-    valid: NDArray[np.bool_] = reached & capture.mask[rows] & ~capture.saturated_in(rows).any(axis=-1)
-    return valid
+    return reached & capture.mask[rows] & ~capture.saturated_in(rows).any(axis=-1)
 
 
 def divide_out_albedo(capture: Capture, factors: Callable[[slice], tuple[Floats, Floats]]) -> Capture:

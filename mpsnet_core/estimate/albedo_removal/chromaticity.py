@@ -9,15 +9,14 @@ Only pixels where the network's normal agrees with equation 2's count: there the
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mpsnet_core.arrays.resampling import gaussian, sampled_rows
+from mpsnet_core.arrays.types import Floats, Indices
 from mpsnet_core.arrays.unit_vectors import normalised
 from mpsnet_core.capture.capture import Capture
 from mpsnet_core.estimate.albedo_removal.albedos import (
     MIN_PIXELS,
     SAMPLED,
-    Floats,
     Pixels,
     divide_out_albedo,
     pixels_in,
@@ -91,8 +90,7 @@ def _albedos(pixels: Pixels) -> Floats:
     """(...) least-squares albedo over the three lights."""
     cosines = np.maximum(pixels.cosines, 0)
     brightness = (np.maximum(pixels.light, 0) * cosines).sum(axis=-1)
-    albedos: Floats = brightness / np.maximum((cosines**2).sum(axis=-1), MIN_SQUARES)
-    return albedos
+    return brightness / np.maximum((cosines**2).sum(axis=-1), MIN_SQUARES)
 
 
 def _chromaticities(fit: WhitePhoto, pixels: Floats) -> Floats:
@@ -101,7 +99,7 @@ def _chromaticities(fit: WhitePhoto, pixels: Floats) -> Floats:
     return np.stack([green - red, green - blue], axis=-1)
 
 
-def _corners(chromaticities: Floats) -> tuple[NDArray[np.intp], Floats]:
+def _corners(chromaticities: Floats) -> tuple[Indices, Floats]:
     """Indices (..., 4) of the four cells around each chromaticity in the flat histogram, and bilinear weights."""
     place = np.clip((chromaticities + HALF_WIDTH) / CELL - 0.5, 0, CELLS - 1.001)
     first = place.astype(np.intp)
@@ -111,7 +109,7 @@ def _corners(chromaticities: Floats) -> tuple[NDArray[np.intp], Floats]:
     return cells, np.stack([(1 - u) * (1 - v), (1 - u) * v, u * (1 - v), u * v], axis=-1)
 
 
-def _smoothed_sums(cells: NDArray[np.intp], values: Floats) -> Floats:
+def _smoothed_sums(cells: Indices, values: Floats) -> Floats:
     """(CELLS²,) sums of the values in each cell, smoothed."""
     sums: Floats = np.bincount(cells.ravel(), values.ravel(), CELLS**2).astype(np.float64, copy=False)
     return gaussian(sums.reshape(CELLS, CELLS), SMOOTHING, range(2)).ravel()

@@ -13,18 +13,11 @@ Metals and other surfaces that are not matt have no such clusters and do not cha
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mpsnet_core.arrays.resampling import gaussian, sampled_rows
+from mpsnet_core.arrays.types import F32, F64, Floats, Indices
 from mpsnet_core.capture.capture import Capture
-from mpsnet_core.estimate.albedo_removal.albedos import (
-    MIN_PIXELS,
-    SAMPLED,
-    Floats,
-    divide_out_albedo,
-    pixels_in,
-    valid_in,
-)
+from mpsnet_core.estimate.albedo_removal.albedos import MIN_PIXELS, SAMPLED, divide_out_albedo, pixels_in, valid_in
 from mpsnet_core.scene.normal_map import NormalMap
 
 # A pixel's weight is this power of the network's confidence.
@@ -45,15 +38,14 @@ MIN_DIFFERENCE = 0.2
 class _Clusters:
     """Clusters of colours in a histogram of log albedos."""
 
-    centre: NDArray[np.float64]
+    centre: F64
     """(3,). Log albedo at the histogram's centre."""
-    offsets: NDArray[np.float32]
+    offsets: F32
     """(CELLS, CELLS, CELLS, 3). Difference between the log colour of each cell's cluster and the mean."""
 
-    def colours(self, log_albedos: Floats) -> NDArray[np.float32]:
+    def colours(self, log_albedos: Floats) -> F32:
         """(..., 3) colour of each pixel's cluster divided by the mean colour."""
-        colours: NDArray[np.float32] = np.exp(self.offsets[tuple(np.moveaxis(_cells(log_albedos, self.centre), -1, 0))])
-        return colours
+        return np.exp(self.offsets[tuple(np.moveaxis(_cells(log_albedos, self.centre), -1, 0))])
 
 
 def divide_out_clustered_albedo(capture: Capture, normals: NormalMap) -> Capture | None:
@@ -129,12 +121,12 @@ def _find_clusters(log_albedos: Floats, weights: Floats) -> _Clusters | None:
     return _Clusters(centre, table.reshape(*SHAPE, 3))
 
 
-def _cells(log_albedos: Floats, centre: NDArray[np.float64]) -> NDArray[np.intp]:
+def _cells(log_albedos: Floats, centre: F64) -> Indices:
     """(..., 3) cells of the histogram, clamped to its borders."""
     return np.clip((log_albedos - centre + HALF_WIDTH) / CELL, 0, CELLS - 1).astype(np.intp)
 
 
-def _peaks(density: Floats) -> NDArray[np.intp]:
+def _peaks(density: Floats) -> Indices:
     """(CELLS³,) the peak that steepest ascent reaches from each cell."""
     padded = np.pad(density, 1, constant_values=-1)
     highest, upwards = density.copy(), np.arange(density.size).reshape(SHAPE)

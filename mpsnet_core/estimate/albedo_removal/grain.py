@@ -15,15 +15,15 @@ Deep shadows and highlights are not grain and do not change.
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mpsnet_core.arrays.gradient_derivatives import gradient_derivatives
 from mpsnet_core.arrays.resampling import means_inside, sampled_rows
 from mpsnet_core.arrays.row_bands import bands
 from mpsnet_core.arrays.statistics import TUKEY, biweight, deviation
+from mpsnet_core.arrays.types import F64, Bools, Floats
 from mpsnet_core.arrays.unit_vectors import normalised
 from mpsnet_core.capture.capture import Capture
-from mpsnet_core.estimate.albedo_removal.albedos import ROWS, SAMPLED, Floats, divide_out_albedo
+from mpsnet_core.estimate.albedo_removal.albedos import ROWS, SAMPLED, divide_out_albedo
 from mpsnet_core.estimate.distant_lights import lights_in, pseudo_normals, pseudo_normals_by_light
 
 MIN_PIXELS = 2_000
@@ -56,7 +56,7 @@ LEFT_BY_NOISE, MIN_LEFT, ABOVE_NOISE = 1 / 3.5, 0.003, 1.6
 class Grain:
     """Fit of a surface of one chromaticity with varying brightness."""
 
-    gains: NDArray[np.float64]
+    gains: F64
     """(3,) float64. Gains times unmixed light is each light's cosine times the albedo relative to the mean."""
     deviation: float
     """Standard deviation of the log relative albedo."""
@@ -112,9 +112,7 @@ def find_grain(capture: Capture) -> Grain | None:
     return grain if proven else None
 
 
-def _equation_2(
-    capture: Capture, rows: slice, gains: NDArray[np.float64]
-) -> tuple[Floats, NDArray[np.float64], NDArray[np.bool_]]:
+def _equation_2(capture: Capture, rows: slice, gains: F64) -> tuple[Floats, F64, Bools]:
     """For some rows: the unmixed image (h, W, 3), equation 2's vectors (h, W, 3), and whether they count (h, W)."""
     light = capture.rig.unmixed(capture.image[rows].astype(np.float32, copy=False))
     usable = capture.mask[rows] & (light > 0).all(axis=-1) & ~capture.saturated_in(rows).any(axis=-1)
@@ -150,14 +148,9 @@ def _fit(capture: Capture) -> Grain | None:
     terms = np.stack([np.ones_like(x), x, y, x * x, x * y, y * y], axis=-1) * np.sqrt(weight)[:, None]
     explained = terms @ np.linalg.lstsq(terms, brightness * np.sqrt(weight), rcond=None)[0]
     explained -= np.sqrt(weight) * float(np.sqrt(weight) @ explained)
-    return Grain(
-        gains,
-        deviation(brightness),
-        float(np.linalg.norm(explained)),
-        float(np.linalg.eigvalsh(equations)[1]),
-        float((weight > 0).mean()),
-        float(np.sqrt(weight @ np.square(directions - weight @ directions).sum(axis=-1))),
-    )
+    by_direction, determined = float(np.linalg.norm(explained)), float(np.linalg.eigvalsh(equations)[1])
+    spread = float(np.sqrt(weight @ np.square(directions - weight @ directions).sum(axis=-1)))
+    return Grain(gains, deviation(brightness), by_direction, determined, float((weight > 0).mean()), spread)
 
 
 def _sample(capture: Capture) -> tuple[Floats, Floats]:
@@ -203,7 +196,7 @@ def _with_curl(capture: Capture, grain: Grain) -> Grain:
     return replace(grain, curl=min(curls), noise=noise)
 
 
-def _halved(field: Floats, counts: NDArray[np.bool_], halvings: int) -> tuple[Floats, NDArray[np.bool_]]:
+def _halved(field: Floats, counts: Bools, halvings: int) -> tuple[Floats, Bools]:
     """Means over blocks, and whether every pixel of a block counts."""
     values = np.concatenate([field, counts[..., None]], axis=-1, dtype=np.float32)
     means, _ = means_inside(values, np.ones_like(counts), halvings)

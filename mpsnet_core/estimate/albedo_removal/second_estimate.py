@@ -45,10 +45,9 @@ def estimate_with_albedo_removed(network: OnnxModel, photo: Capture, grey: Captu
     one_colour = divide_out_clustered_albedo(grey, first)
     if one_colour is None:
         return first
-    better = blend_by_confidence(
-        first, network(one_colour, _run_progress("second estimate", progress, 0.4, 0.6), passes=1)
-    )
-    del one_colour
+    second = network(one_colour, _run_progress("second estimate", progress, 0.4, 0.6), passes=1)
+    better = blend_by_confidence(first, second)
+    del one_colour, second
     one_colour = divide_out_clustered_albedo(grey, better)
     if one_colour is None:
         return better
@@ -65,9 +64,8 @@ def blend_by_confidence(first: NormalMap, second: NormalMap) -> NormalMap:
     """Mean of both, weighted by confidence; overwrites the second."""
 
     def weigh(rows: slice) -> None:
-        one, two = (
-            np.maximum(1 - estimate.confidence[rows].astype(np.float32), MIN_ERROR) for estimate in (first, second)
-        )
+        sure = (estimate.confidence[rows].astype(np.float32) for estimate in (first, second))
+        one, two = (np.maximum(1 - confidence, MIN_ERROR) for confidence in sure)
         share = 1 / (1 + (one / (CAUTION * two)) ** POWER)  # of the first
         vectors = second.vectors[rows] + (first.vectors[rows] - second.vectors[rows]) * share[..., None]
         second.vectors[rows] = np.where(second.mask[rows, :, None], normalised(vectors), 0)

@@ -14,13 +14,10 @@ from mpsnet_core.progress import Progress, part, silent
 from mpsnet_core.scene.operations import TakesMesh
 
 if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
-
+    from mpsnet_core.arrays.types import F32, F64, Bools
     from mpsnet_core.capture.capture import Capture
-    from mpsnet_core.estimate.alignment.mesh_faces import MeshFaces
     from mpsnet_core.estimate.alignment.points import PointFit
-    from mpsnet_core.estimate.alignment.pose import Floats
+    from mpsnet_core.estimate.alignment.pose import MeshFaces
     from mpsnet_core.estimate.alignment.refine import Fit
     from mpsnet_core.scene.camera import Camera
 
@@ -73,14 +70,12 @@ class Align(RunsModel, TakesMesh, ReadsPhotos):
     mesh: str = option(
         help="mesh of the object in the photo, whose unit and axes the camera file will use unless they are changed",
         path="file",
-        provenance="content",
     )
     rig: str | None = option(
         default=None,
         help="rig file (.json, or .lp with three lights)",
         unset="the lights are found in the photo",
         path="file",
-        provenance="content",
     )
     mask: str = option(default=MASK, help="mask of the photo, as `mpsnet estimate` takes it")
     points: str | None = option(
@@ -90,7 +85,6 @@ class Align(RunsModel, TakesMesh, ReadsPhotos):
         '{"pairs": [{"pixel": [x, y], "point": [X, Y, Z]}, ...]}, in pixels from the top left corner and the mesh '
         "file's own axes",
         path="file",
-        provenance="content",
     )
     start: str | None = option(
         default=None,
@@ -98,7 +92,6 @@ class Align(RunsModel, TakesMesh, ReadsPhotos):
         help="camera file of a rough start, within about 10 degrees of the photo's view",
         unset="without pairs, views all around the mesh are tried",
         path="file",
-        provenance="content",
     )
     focal: float | None = option(
         default=None,
@@ -115,7 +108,6 @@ class Align(RunsModel, TakesMesh, ReadsPhotos):
         "the pose; its photo must have the same aspect ratio, at any size",
         unset="the principal point is the photo's centre, or that of the start",
         path="file",
-        provenance="content",
     )
     overlay: str | None = option(
         default=None,
@@ -129,7 +121,7 @@ class Align(RunsModel, TakesMesh, ReadsPhotos):
 
     def run(self, progress: Progress = silent) -> CameraFound:
         """Write the camera file, and the overlay if requested."""
-        from mpsnet_core.estimate.alignment.mesh_faces import MeshFaces
+        from mpsnet_core.estimate.alignment.pose import MeshFaces
         from mpsnet_core.io.files import check_no_overwrite, writable_image, writable_path
 
         if self.points and self.start:
@@ -150,9 +142,9 @@ class Align(RunsModel, TakesMesh, ReadsPhotos):
         fits, point_fit, turned_over = self._fits(capture, faces, pairs, progress)
         return self._written(capture, faces, fits, pairs, point_fit, turned_over, progress)
 
-    def _pairs(self) -> "tuple[Floats, Floats] | None":
+    def _pairs(self) -> "tuple[F64, F64] | None":
         """The pairs of points, those on the mesh in world space."""
-        from mpsnet_core.estimate.alignment.pairs import read_pairs
+        from mpsnet_core.estimate.alignment.points import read_pairs
         from mpsnet_core.scene.mesh import world_from_file
 
         if not self.points:
@@ -161,8 +153,7 @@ class Align(RunsModel, TakesMesh, ReadsPhotos):
         return pixels, points @ world_from_file(self.up, self.unit_length())[:3, :3].T
 
     def _capture(self) -> "Capture":
-        from mpsnet_core.capture.open import open_captures
-        from mpsnet_core.capture.sources import Source
+        from mpsnet_core.capture.open import Source, open_captures
         from mpsnet_core.estimate.lights.find import with_lights
         from mpsnet_core.scene.camera import read_camera
         from mpsnet_core.scene.rig import read_rig
@@ -183,23 +174,21 @@ class Align(RunsModel, TakesMesh, ReadsPhotos):
 
         focal = stated_focal(self.image)
         if focal is not None:
+            name = Path(self.image).name
             log.info(
-                "%s states a lens of %.0f mm (EXIF), from which the search starts; give the lens if it is another",
-                Path(self.image).name,
-                focal,
+                "%s states a lens of %.0f mm, where the search starts; give the lens if it is another", name, focal
             )
         return focal
 
     def _fits(
-        self, capture: "Capture", faces: "MeshFaces", pairs: "tuple[Floats, Floats] | None", progress: Progress
+        self, capture: "Capture", faces: "MeshFaces", pairs: "tuple[F64, F64] | None", progress: Progress
     ) -> "tuple[list[Fit], PointFit | None, bool]":
         """The best fits, the fit of the pairs alone, and whether the mirror image of the mesh fits better."""
         import numpy as np
 
-        from mpsnet_core.estimate.alignment.mirror import find_better_mirrored
         from mpsnet_core.estimate.alignment.points import USUAL_FOCAL, camera_from_points
         from mpsnet_core.estimate.alignment.refine import PhotoPyramid, measure_fit, refine_camera
-        from mpsnet_core.estimate.alignment.search import move_onto_mask, search_cameras
+        from mpsnet_core.estimate.alignment.search import find_better_mirrored, move_onto_mask, search_cameras
         from mpsnet_core.scene.camera import FULL_FRAME, Camera, read_camera
 
         height, width = capture.mask.shape
@@ -222,9 +211,7 @@ class Align(RunsModel, TakesMesh, ReadsPhotos):
             free = Camera("perspective", width, height, np.full(2, max(height, width) * likely))
             begin = crop.camera(lens or free)
             usual = float(begin.focal[0]) * USUAL_FOCAL / likely if stated else None
-            fits = search_cameras(
-                estimate, faces, begin, fix_focal=fixed, usual_focal=usual, count=CANDIDATES, progress=rest
-            )
+            fits = search_cameras(estimate, faces, begin, CANDIDATES, fix_focal=fixed, usual_focal=usual, progress=rest)
         else:
             begin = crop.camera(rough)
             if by_points is None:
@@ -245,7 +232,7 @@ class Align(RunsModel, TakesMesh, ReadsPhotos):
         capture: "Capture",
         faces: "MeshFaces",
         fits: "list[Fit]",
-        pairs: "tuple[Floats, Floats] | None",
+        pairs: "tuple[F64, F64] | None",
         by_points: "PointFit | None",
         turned_over: bool,
         progress: Progress,
@@ -270,21 +257,11 @@ class Align(RunsModel, TakesMesh, ReadsPhotos):
             if self.overlay:
                 write_picture(self.overlay, self._picture(capture, faces, fits, pairs, left_out))
         progress(1.0, "done")
-        residuals = (
-            None if pairs is None else [round(float(one), 2) for one in reprojection_errors(best.camera, *pairs)]
-        )
-        return CameraFound(
-            self.output,
-            round(best.outline, 2),
-            round(best.degrees, 1),
-            round(best.overlap, 4),
-            poor or turned_over,
-            turned_over,
-            residuals,
-            [number + 1 for number in left_out] or None,
-            [str(path) for path, _ in others] or None,
-            text=f"{self.output}: {quality}; lens of {best.camera.focal_35mm:.0f} mm",
-        )
+        residuals = None if pairs is None else reprojection_errors(best.camera, *pairs).round(2).tolist()
+        text = f"{self.output}: {quality}; lens of {best.camera.focal_35mm:.0f} mm"
+        facts = round(best.outline, 2), round(best.degrees, 1), round(best.overlap, 4), poor or turned_over, turned_over
+        numbers, files = [number + 1 for number in left_out] or None, [str(path) for path, _ in others] or None
+        return CameraFound(self.output, *facts, residuals, numbers, files, text=text)
 
     def _warn(self, fits: "list[Fit]", quality: Note, turned_over: bool, poor: bool) -> None:
         """Warn of a fit that may be wrong."""
@@ -294,25 +271,19 @@ class Align(RunsModel, TakesMesh, ReadsPhotos):
                 "over, so that its left is on the right, mirror it [mirrored-mesh]"
             )
         elif poor:
-            log.error(
-                "%s; look at the overlay, and give points, or another mask or mesh [poor-alignment]",
-                quality,
-            )
+            log.error("%s; look at the overlay, and give points, or another mask or mesh [poor-alignment]", quality)
         elif len(fits) > 1 and fits[1].cost < AMBIGUOUS * fits[0].cost:
-            log.warning(
-                "another view fits nearly as well, that of %s; look at the overlay, give points if it is wrong "
-                "[poor-alignment]",
-                self._others()[0].name,
-            )
+            words = "another view fits nearly as well, that of %s; look at the overlay, give points if it is wrong "
+            log.warning(words + "[poor-alignment]", self._others()[0].name)
 
     def _picture(
         self,
         capture: "Capture",
         faces: "MeshFaces",
         fits: "list[Fit]",
-        pairs: "tuple[Floats, Floats] | None",
+        pairs: "tuple[F64, F64] | None",
         left_out: tuple[int, ...],
-    ) -> "NDArray[np.float32]":
+    ) -> "F32":
         import numpy as np
 
         from mpsnet_core.estimate.alignment.overlay import overlay
@@ -338,19 +309,17 @@ class Align(RunsModel, TakesMesh, ReadsPhotos):
         return [output.with_name(f"{output.stem}_{number}{output.suffix}") for number in range(2, CANDIDATES + 1)]
 
 
-def _check_size(mask: "NDArray[np.bool_]") -> None:
+def _check_size(mask: "Bools") -> None:
     """Raise GeometryError if the object is too small on the coarsest scale."""
     from mpsnet_core.arrays.mask_regions import bounding_box
     from mpsnet_core.estimate.alignment.refine import SCALES
 
     height, width = (side.stop - side.start for side in bounding_box(mask))
     if min(height, width) * min(1.0, SCALES[0][0] / max(height, width)) < MIN_SIDE:
-        raise GeometryError(
-            f"the object is {width} x {height} pixels, too few to align a mesh with; take a larger photo of it"
-        )
+        raise GeometryError(f"the object is {width} x {height} pixels, too few to align a mesh; take a larger photo")
 
 
-def _is_poor(fit: "Fit", mask: "NDArray[np.bool_]") -> bool:
+def _is_poor(fit: "Fit", mask: "Bools") -> bool:
     from mpsnet_core.arrays.mask_regions import bounding_box
 
     longer = max(side.stop - side.start for side in bounding_box(mask))
@@ -368,7 +337,7 @@ def fit_in_words(outline_pixels: float, normals_degrees: float, overlap: float, 
     return Note(words, outline_pixels, normals_degrees, 100 * overlap, level="stop")
 
 
-def _quality(fit: "Fit", mask: "NDArray[np.bool_]") -> Note:
+def _quality(fit: "Fit", mask: "Bools") -> Note:
     return fit_in_words(fit.outline, fit.degrees, fit.overlap, _is_poor(fit, mask))
 
 
@@ -388,7 +357,7 @@ class _ObjectCrop:
     """Height of the photo."""
 
     @classmethod
-    def of(cls, mask: "NDArray[np.bool_]") -> "_ObjectCrop":
+    def of(cls, mask: "Bools") -> "_ObjectCrop":
         from mpsnet_core.arrays.mask_regions import bounding_box
         from mpsnet_core.estimate.alignment.refine import MARGIN
 
@@ -423,9 +392,8 @@ class _ObjectCrop:
     def whole(self, fit: "Fit") -> "Fit":
         """The fit in the photo, from the fit in the part."""
         centre = fit.camera.centre * self.factor + (self.columns.start, self.rows.start)
-        camera = replace(
-            fit.camera, width=self.width, height=self.height, focal=fit.camera.focal * self.factor, centre=centre
-        )
+        focal = fit.camera.focal * self.factor
+        camera = replace(fit.camera, width=self.width, height=self.height, focal=focal, centre=centre)
         return replace(fit, camera=camera, outline=fit.outline * self.factor)
 
 
@@ -457,7 +425,7 @@ def _of_size(camera: "Camera", width: int, height: int, what: Literal["start", "
     return replace(camera, width=width, height=height, focal=np.full(2, camera.focal.mean() * scale), centre=centre)
 
 
-def _contradicts(camera: "Camera", by_points: "PointFit", pixels: "Floats", points: "Floats") -> bool:
+def _contradicts(camera: "Camera", by_points: "PointFit", pixels: "F64", points: "F64") -> bool:
     """Whether a refined camera's reprojection error of the pairs is larger than errors of clicking explain."""
     import numpy as np
 

@@ -3,10 +3,10 @@
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mpsnet_core.arrays.mask_regions import dilated, eroded
-from mpsnet_core.estimate.alignment.pose import Floats, Poses
+from mpsnet_core.arrays.types import F32, Bools, Floats
+from mpsnet_core.estimate.alignment.pose import Poses
 from mpsnet_core.scene.camera import Camera
 from mpsnet_core.scene.pictures import OUTLINE_COLOUR, photo_picture
 from mpsnet_core.scene.rays import RayScene
@@ -16,13 +16,13 @@ USED_COLOUR, LEFT_OUT_COLOUR = (0.2, 0.6, 1.0), (1.0, 0.1, 0.1)
 
 
 def overlay(
-    image: NDArray[np.float32],
-    mask: NDArray[np.bool_],
+    image: F32,
+    mask: Bools,
     scene: RayScene,
     camera: Camera,
     pairs: tuple[Floats, Floats] | None,
     left_out: Sequence[int],
-) -> NDArray[np.float32]:
+) -> F32:
     """(H, W, 3) display values: the dimmed photo, the mask's outline in orange, the mesh's outline in green.
 
     Parameters
@@ -58,7 +58,7 @@ def overlay(
     return picture.astype(np.float32)
 
 
-def _line(picture: NDArray[np.float32], start: Floats, end: Floats, colour: tuple[float, ...], wide: int) -> None:
+def _line(picture: F32, start: Floats, end: Floats, colour: tuple[float, ...], wide: int) -> None:
     height, width, _ = picture.shape
     count = int(np.clip(np.abs(end - start).max() * 2, 1, 4 * max(height, width))) + 1
     places = start + (end - start) * np.linspace(0, 1, count)[:, None]

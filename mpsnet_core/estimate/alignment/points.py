@@ -1,12 +1,16 @@
 """The camera from pairs of a pixel in the photo and the corresponding point on the mesh."""
 
+import json
+import os
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from mpsnet_core.errors import GeometryError
-from mpsnet_core.estimate.alignment.pose import PARAMETERS, Floats, Poses, flow, spread_rotations
+from mpsnet_core.arrays.types import Bools, Floats
+from mpsnet_core.errors import FormatError, GeometryError
+from mpsnet_core.estimate.alignment.pose import PARAMETERS, Poses, flow, spread_rotations
+from mpsnet_core.io.files import check_small, existing_file
+from mpsnet_core.io.opening import AnyPath
 from mpsnet_core.scene.camera import Camera
 
 MIN_PAIRS = 4
@@ -98,13 +102,7 @@ def reprojection_errors(camera: Camera, pixels: Floats, points: Floats) -> Float
 
 
 def _fits(
-    pixels: Floats,
-    points: Floats,
-    used: NDArray[np.bool_],
-    width: int,
-    height: int,
-    lens: Camera | None,
-    usual_focal: float,
+    pixels: Floats, points: Floats, used: Bools, width: int, height: int, lens: Camera | None, usual_focal: float
 ) -> tuple[Poses, Floats, Floats]:
     """Best poses for S subsets (S, N) of the pairs, residuals (S, N), and their root mean square (S,) in the subset."""
     longer = max(width, height)
@@ -135,7 +133,7 @@ def _fits(
     return world, off[best], error[best]
 
 
-def _starts(pixels: Floats, points: Floats, used: NDArray[np.bool_], centre: Floats, focals: Floats) -> Poses:
+def _starts(pixels: Floats, points: Floats, used: Bools, centre: Floats, focals: Floats) -> Poses:
     """Initial poses by scaled orthography, for each subset of pairs, each focal length and each of many rotations."""
     turns = spread_rotations(STARTS)
     rotation = np.tile(turns, (len(used) * len(focals), 1, 1))
@@ -192,8 +190,7 @@ def _solved(
 
 def _shortened(vectors: Floats, longest: float) -> Floats:
     length = np.linalg.norm(vectors, axis=1, keepdims=True)
-    shorter: Floats = vectors * np.minimum(1, longest / np.maximum(length, 1e-12))
-    return shorter
+    return vectors * np.minimum(1, longest / np.maximum(length, 1e-12))
 
 
 def _residual(
@@ -209,3 +206,54 @@ def _residual(
     cost = (residual**2).sum(axis=1)
     behind = np.any((seen[..., 2] > -1e-6) & (weight > 0), axis=1)
     return np.where(behind[:, None], 0.0, residual), np.where(behind, np.inf, cost)
+
+
+# --- files of point pairs: pixels of a photo and the corresponding points on a mesh -----------------------------------
+
+
+MAX_PAIRS = 1000
+FARTHEST = 1e9
+_EXAMPLE = '{"pairs": [{"pixel": [x, y], "point": [X, Y, Z]}, ...]}'
+
+
+def read_pairs(path: AnyPath) -> tuple[Floats, Floats]:
+    """Read a JSON file ``{"pairs": [{"pixel": [x, y], "point": [X, Y, Z]}, ...]}``.
+
+    Returns
+    -------
+    pixels
+        (N, 2) from the photo's top left corner, x to the right and y down.
+    points
+        (N, 3) in the mesh file's own axes.
+
+    Raises
+    ------
+    FileError
+        If there is no such file.
+    FormatError
+        If it is not such a file.
+    """
+    path = existing_file(path, "file of pairs")
+    check_small(path, "no file of pairs")
+    try:
+        data = json.loads(path.read_text(encoding="utf-8-sig"))
+    except (ValueError, RecursionError):
+        raise FormatError(f"{path} is not valid JSON; write it as {_EXAMPLE}") from None
+    pairs = data.get("pairs") if isinstance(data, dict) else None
+    if not isinstance(pairs, list) or not 1 <= len(pairs) <= MAX_PAIRS:
+        raise FormatError(f"{path} holds no list of 1 to {MAX_PAIRS} pairs; write it as {_EXAMPLE}")
+    found = []
+    for number, pair in enumerate(pairs, 1):
+        if not isinstance(pair, dict) or set(pair) != {"pixel", "point"}:
+            raise FormatError(f'{path}: pair {number} is not made of "pixel" and "point"; write it as {_EXAMPLE}')
+        found.append([*_numbers(path, number, pair, "pixel", 2), *_numbers(path, number, pair, "point", 3)])
+    values = np.array(found)
+    return values[:, :2], values[:, 2:]
+
+
+def _numbers(path: os.PathLike[str], number: int, pair: dict[str, object], key: str, count: int) -> list[float]:
+    values = pair[key]
+    right = isinstance(values, list) and len(values) == count
+    if not right or not all(type(value) in (int, float) and abs(value) <= FARTHEST for value in values):  # type: ignore[attr-defined]
+        raise FormatError(f'{path}: the "{key}" of pair {number} is not {count} numbers up to {FARTHEST:g}; correct it')
+    return [float(value) for value in values]  # type: ignore[attr-defined]

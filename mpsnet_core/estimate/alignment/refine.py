@@ -1,23 +1,21 @@
 """Refine a rough camera: fit a mesh's outline and normals to a photo's."""
 
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mpsnet_core.arrays.mask_regions import bounding_box, eroded
 from mpsnet_core.arrays.resampling import block_means, gaussian
 from mpsnet_core.arrays.statistics import deviation
+from mpsnet_core.arrays.types import Bools, Floats, Indices
 from mpsnet_core.arrays.unit_vectors import cross_matrix
-from mpsnet_core.estimate.alignment.mesh_faces import MeshFaces, SeenFaces
-from mpsnet_core.estimate.alignment.pose import PARAMETERS, Floats, Poses, flow
+from mpsnet_core.estimate.alignment.pose import PARAMETERS, MeshFaces, Poses, SeenFaces, flow
 from mpsnet_core.progress import Progress, silent
 from mpsnet_core.scene.camera import Camera
 from mpsnet_core.scene.normal_map import NormalMap
 from mpsnet_core.scene.rays import RayScene
 
-Pixels = NDArray[np.floating[Any]]
+Pixels = Floats
 
 # The object's longer side in pixels on each scale, and the maximum number of steps there.
 SCALES = ((64, 10), (128, 6), (256, 10), (512, 8))
@@ -68,9 +66,9 @@ class _Scale:
     """(h, w, 3). The photo's normals."""
     detail: Pixels
     """(h, w, 3). The normals minus their Gaussian mean."""
-    inside: NDArray[np.bool_]
+    inside: Bools
     """(h, w). The mask."""
-    eroded_mask: NDArray[np.bool_]
+    eroded_mask: Bools
     """(h, w). The mask, eroded."""
     outline: Floats
     """(N, 2). Points of the mask's outline."""
@@ -175,9 +173,8 @@ def _local(poses: Poses, scene: RayScene) -> Poses:
 
 
 def _world(local: Poses, scene: RayScene) -> Poses:
-    return Poses(
-        local.rotation, local.translation * scene.size - local.rotation @ scene.middle, local.focal, local.centre
-    )
+    translation = local.translation * scene.size - local.rotation @ scene.middle
+    return Poses(local.rotation, translation, local.focal, local.centre)
 
 
 def _scale(estimate: NormalMap, longest: int) -> _Scale:
@@ -210,11 +207,8 @@ def _motion(image: SeenFaces, focal: float, step: Floats) -> float:
     """Mean distance in the photo's pixels by which a step moves the mesh's image."""
     points = image.points[image.mask]
     points = points[:: len(points) // MOTION_POINTS + 1]
-    return (
-        float(np.linalg.norm(flow(points, np.full(len(points), focal)) @ step[0], axis=1).mean())
-        if len(points)
-        else 0.0
-    )
+    moved = np.linalg.norm(flow(points, np.full(len(points), focal)) @ step[0], axis=1)
+    return float(moved.mean()) if len(points) else 0.0
 
 
 def _step(scale: _Scale, image: SeenFaces, local: Poses, first: float, fix_focal: bool) -> Floats:
@@ -251,13 +245,11 @@ def _outline_terms(scale: _Scale, image: SeenFaces, focal: float) -> list[tuple[
     if not len(mine):
         return []
     moving = flow(points, np.full(len(points), focal)) / scale.factor
-    terms = []
-    near = _nearest(mine, scale.outline)
-    terms.append((mine - scale.outline[near], scale.across[near], moving, across))
-    back = _nearest(scale.outline, mine)
-    terms.append((mine[back] - scale.outline, scale.across, moving[back], across[back]))
-    found = []
-    for offset, along, by, own in terms:
+    near, back, found = _nearest(mine, scale.outline), _nearest(scale.outline, mine), []
+    for offset, along, by, own in (
+        (mine - scale.outline[near], scale.across[near], moving, across),
+        (mine[back] - scale.outline, scale.across, moving[back], across[back]),
+    ):
         residual = (offset * along).sum(axis=1) / OUTLINE_SIGMA
         jacobian = np.einsum("nc,ncp->np", along, by) / OUTLINE_SIGMA
         # Outlines with different normals do not correspond.
@@ -300,15 +292,14 @@ def _normal_terms(scale: _Scale, image: SeenFaces, focal: float) -> list[tuple[F
 def _robust(residual: Floats) -> Floats:
     """Cauchy weights, with the scale of the residuals' deviation, at least 1."""
     spread = deviation(residual, 1.0)
-    weights: Floats = 1 / (1 + (residual / (2 * spread)) ** 2)
-    return weights
+    return 1 / (1 + (residual / (2 * spread)) ** 2)
 
 
-def _detail(smooth: Pixels, inside: NDArray[np.bool_]) -> Pixels:
+def _detail(smooth: Pixels, inside: Bools) -> Pixels:
     return np.where(inside[..., None], smooth - _smooth(smooth, inside, WIDE), 0)
 
 
-def _smooth(values: Pixels, inside: NDArray[np.bool_], sigma: float) -> Pixels:
+def _smooth(values: Pixels, inside: Bools, sigma: float) -> Pixels:
     """Gaussian mean of values (h, w, C) over the pixels inside; zero outside."""
     weight = gaussian(inside[..., None].astype(values.dtype), sigma, (0, 1))
     means = gaussian(np.where(inside[..., None], values, 0), sigma, (0, 1)) / np.maximum(weight, 1e-6)
@@ -340,8 +331,7 @@ def _outline(shares: Pixels) -> tuple[Floats, Floats]:
     return point, normal
 
 
-def _nearest(points: Floats, others: Floats) -> NDArray[np.intp]:
+def _nearest(points: Floats, others: Floats) -> Indices:
     """(N,) index of the nearest of `others` (M, 2) to each of `points` (N, 2)."""
     squared = (others**2).sum(axis=1) - 2 * points @ others.T
-    nearest: NDArray[np.intp] = squared.argmin(axis=1)
-    return nearest
+    return squared.argmin(axis=1)

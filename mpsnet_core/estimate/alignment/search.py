@@ -3,10 +3,9 @@
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
-from mpsnet_core.estimate.alignment.mesh_faces import MeshFaces
-from mpsnet_core.estimate.alignment.pose import Floats, Poses
+from mpsnet_core.arrays.types import F32, Bools, Floats
+from mpsnet_core.estimate.alignment.pose import MeshFaces, Poses
 from mpsnet_core.estimate.alignment.refine import SCALES, Fit, PhotoPyramid, measure_fit, refine_camera
 from mpsnet_core.progress import Progress, part, silent
 from mpsnet_core.scene.camera import Camera
@@ -29,10 +28,10 @@ def search_cameras(
     photo: PhotoPyramid,
     faces: MeshFaces,
     lens: Camera,
+    count: int = 3,
     *,
     fix_focal: bool = False,
     usual_focal: float | None = None,
-    count: int = 3,
     progress: Progress = silent,
 ) -> list[Fit]:
     """The `count` cameras with which the mesh fits the photo best, best first.
@@ -63,9 +62,8 @@ def search_cameras(
     best = []
     for number, fit in enumerate(rough):
         shown = _one_of(progress, ROUGHLY, WELL, number, len(rough), "best view")
-        best.append(
-            refine_camera(photo, faces, fit.camera, fix_focal=fix_focal, scales=COMPARED_SCALES, progress=shown)
-        )
+        camera, scales = fit.camera, COMPARED_SCALES
+        best.append(refine_camera(photo, faces, camera, fix_focal=fix_focal, scales=scales, progress=shown))
     best = _distinct_fits(sorted(best, key=lambda fit: fit.cost))
     if not fix_focal:
         # Try other focal lengths: refinement may converge to a wrong one.
@@ -113,7 +111,7 @@ class _ObjectExtent:
     """Root of its second moment, in pixels."""
 
     @classmethod
-    def of(cls, mask: NDArray[np.bool_]) -> "_ObjectExtent":
+    def of(cls, mask: Bools) -> "_ObjectExtent":
         rows, columns = np.nonzero(mask)
         middle = np.array([columns.mean() + 0.5, rows.mean() + 0.5])
         moments = (columns + 0.5 - middle[0]) ** 2 + (rows + 0.5 - middle[1]) ** 2
@@ -164,13 +162,7 @@ def _small(faces: MeshFaces, frame: _ObjectExtent, focal: float) -> tuple[float,
 
 
 def _place_camera(
-    photo: NDArray[np.bool_],
-    faces: MeshFaces,
-    rotation: Floats,
-    focal: float,
-    centre: Floats,
-    view: _ObjectExtent,
-    angle: float,
+    photo: Bools, faces: MeshFaces, rotation: Floats, focal: float, centre: Floats, view: _ObjectExtent, angle: float
 ) -> Camera:
     """The camera that sees the mesh in the mask's place and size. view: of its small image, rolled by `angle`."""
     (height, width), frame = photo.shape, _ObjectExtent.of(photo)
@@ -190,8 +182,7 @@ def _similarity(photo: Floats, view: Floats) -> Floats:
     both = np.minimum(photo[..., 3], view[..., 3]).sum(axis=(1, 2))
     either = np.maximum(photo[..., 3], view[..., 3]).sum(axis=(1, 2))
     cosines = (photo[..., :3] * view[..., :3]).sum(axis=(1, 2, 3))
-    likeness: Floats = both / np.maximum(either, 1e-9) + cosines / np.maximum(both, 1e-9)
-    return likeness
+    return both / np.maximum(either, 1e-9) + cosines / np.maximum(both, 1e-9)
 
 
 def _angle_between(rotation: Floats, other: Floats) -> float:
@@ -224,9 +215,7 @@ def _view_directions(count: int) -> Floats:
     return np.stack([right, np.cross(axis, right), axis], axis=1)
 
 
-def _picture(
-    faces: MeshFaces, rotation: Floats, focal: float, distance: float
-) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
+def _picture(faces: MeshFaces, rotation: Floats, focal: float, distance: float) -> tuple[F32, Bools]:
     """Normals and mask of the mesh in a centred image of 2 SIDE x 2 SIDE pixels."""
     translation = np.array([0, 0, -distance]) - rotation @ faces.scene.middle
     side = 2 * SIDE
@@ -236,9 +225,7 @@ def _picture(
     return seen.normals.astype(np.float32), seen.mask
 
 
-def _standardised_picture(
-    normals: NDArray[np.float32], mask: NDArray[np.bool_], frame: _ObjectExtent, roll: float
-) -> Floats:
+def _standardised_picture(normals: F32, mask: Bools, frame: _ObjectExtent, roll: float) -> Floats:
     """(SIDE, SIDE, 4) normals and mask, normalised in size and position, and rolled by `roll`."""
     steps = (np.arange(SIDE) + 0.5) / SIDE * 2 - 1
     place = np.stack(np.broadcast_arrays(steps, steps[:, None]), axis=-1) * (SPREAD / 2 * frame.spread)
@@ -250,3 +237,60 @@ def _standardised_picture(
     found[inside, :3] = normals[row[inside], column[inside]] * found[inside, 3:]
     found[..., :3] = found[..., :3] @ _turn(roll).T
     return found
+
+
+# --- detect mirrored meshes: the mirror image fits the photo better if an import flipped one axis ---------------------
+
+
+# A mesh is mirrored if the cost of its mirror image is below this share of its own. The costs of symmetric objects
+# differ by less than half a percent.
+MIRRORED = 0.96
+_ACROSS = np.array([-1.0, 1.0, 1.0])
+
+
+def find_better_mirrored(photo: PhotoPyramid, faces: MeshFaces, fit: Fit, progress: Progress = silent) -> Fit | None:
+    """The fit of the mesh's mirror image if it is better than the mesh's own, else None.
+
+    Candidates are reflections along the principal axes, because a nearly symmetric object fits nearly as well when
+    reflected at its plane of symmetry, and along the viewing axis, because point pairs place a mirrored mesh so that it
+    is seen from behind: from afar, its points and outline are then in the right places.
+
+    The photo is mirrored, not the mesh. The camera of the returned fit sees the mesh in the mirrored photo.
+
+    Parameters
+    ----------
+    photo
+        The photo's normals and mask.
+    faces
+        The mesh as it is.
+    fit
+        Its best fit to the photo. The focal length stays.
+    progress
+        Called with the share done, 0 to 1, and a message.
+    """
+    estimate = photo.estimate
+    flipped = PhotoPyramid(NormalMap((estimate.vectors[:, ::-1] * _ACROSS).astype(np.float32), estimate.mask[:, ::-1]))
+    image = _fit_reflected(flipped, faces, fit.camera, progress)
+    if image.cost >= MIRRORED * fit.cost:
+        return None
+    # If the unmirrored mesh fits as well from there, the given fit was wrong, and nothing is mirrored.
+    back = _fit_reflected(photo, faces, image.camera, part(progress, 1.0, 1.0))
+    return image if image.cost < MIRRORED * back.cost else None
+
+
+def _fit_reflected(photo: PhotoPyramid, faces: MeshFaces, camera: Camera, progress: Progress) -> Fit:
+    """The best fit that starts at reflections of `camera`. photo: the mirrored one."""
+    across = [*faces.axes, camera.rotation[:, 2]]
+    starts = [move_onto_mask(photo, faces, _reflected(camera, faces.scene.middle, axis)) for axis in across]
+    start = min(starts, key=lambda one: measure_fit(photo, faces, one).cost)
+    return refine_camera(photo, faces, start, fix_focal=True, scales=SCALES[:-1], progress=progress)
+
+
+def _reflected(camera: Camera, middle: Floats, axis: Floats) -> Camera:
+    """The camera that sees the mirrored image of the world reflected at the plane through `middle` normal to `axis`."""
+    mirror = np.eye(3) - 2 * np.outer(axis, axis)
+    pose = np.eye(4)
+    pose[:3, :3] = mirror @ camera.rotation * _ACROSS
+    pose[:3, 3] = middle + mirror @ (camera.world_from_camera[:3, 3] - middle)
+    centre = np.array([camera.width - camera.centre[0], camera.centre[1]])
+    return replace(camera, centre=centre, world_from_camera=pose)

@@ -4,7 +4,6 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
 from mpsnet_core.capture.operations import TakesLightPhotos
-from mpsnet_core.defaults import MASK
 from mpsnet_core.operation import Result, option
 from mpsnet_core.progress import Progress, silent
 
@@ -34,20 +33,14 @@ class CalibratePhoto(TakesLightPhotos):
     image: tuple[str, ...] = option(
         positional=True, help="photo(s) under the same three lights, a folder of them, or a pattern (frame_####.png)"
     )
-    mask: str = option(default=MASK, help="where the object is, as in `estimate`")
-    json: str | None = option(default=None, metavar="FILE", help="write the results as JSON", provenance="none")
-    output: str = option(help="rig file to write: .json", path="file", provenance="none")
 
     def run(self, progress: Progress = silent) -> PhotoCalibrated:
         """Write the rig file."""
         from mpsnet_core.estimate.lights.find import find_lights_of
-        from mpsnet_core.io.files import check_no_overwrite, writable_path, write_json
-        from mpsnet_core.io.frames import expand_images
+        from mpsnet_core.io.files import write_json
         from mpsnet_core.scene.rig import write_rig
 
-        files = expand_images(self.image)
-        outputs = [writable_path(path) for path in (self.output, self.json) if path]
-        check_no_overwrite([*files, *self.inputs(mask=self.mask)], outputs)
+        files = self.photos(self.image)
         progress(0.0, f"looking for the lights in {files[0].name}")
         found = find_lights_of(self.sources(files, self.mask), self.read_options())
         write_rig(self.output, found.rig)

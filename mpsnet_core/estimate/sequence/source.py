@@ -1,16 +1,16 @@
 """Sources of frames: numbered photos and their masks."""
 
-import os
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from mpsnet_core.capture.masks import mask_identity, mask_source
-from mpsnet_core.capture.sources import Source
+from mpsnet_core.capture.open import Source
 from mpsnet_core.defaults import MASK
 from mpsnet_core.errors import FileError, SettingsError
 from mpsnet_core.io.frames import expand_images, is_folder_or_pattern, numbering
+from mpsnet_core.io.opening import AnyPath
 from mpsnet_core.io.provenance import fingerprint
 
 
@@ -23,7 +23,7 @@ class Masks:
     by_number: Mapping[int, Path] = field(default_factory=dict)
     """Mask file of each frame, by frame number; empty if one mask is for all."""
 
-    def of(self, number: int) -> str | os.PathLike[str]:
+    def of(self, number: int) -> AnyPath:
         """The mask of a frame. Raises FileError if masks are per frame and this one is missing."""
         if not self.by_number:
             return self.given

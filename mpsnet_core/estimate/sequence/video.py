@@ -5,9 +5,11 @@ frame is repeated where the video pauses, and the last one up to the duration in
 report a video's transfer curve.
 """
 
+import json
 import logging
 import os
-from collections.abc import Callable, Iterator
+import weakref
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -16,21 +18,70 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mpsnet_core.capture.sources import Source
+from mpsnet_core.capture.open import Source
 from mpsnet_core.defaults import ENCODINGS
 from mpsnet_core.errors import FileError, FormatError, InputError, check_choice
 from mpsnet_core.estimate.sequence.source import Frame, Masks
-from mpsnet_core.estimate.sequence.video_decoder import VideoDecoder
+from mpsnet_core.io.child_process import ChildEnded, ChildProcess, child_environment
 from mpsnet_core.io.files import VIDEO_DECODER, checked_bits, existing_file, file_suffix
 from mpsnet_core.io.frames import RESULT, results_folder
 from mpsnet_core.io.image import MAX_PIXELS, Image, srgb_to_linear
 from mpsnet_core.io.image_encoding import UNKNOWN_TRANSFER, Encoding, transfer_is_linear
+from mpsnet_core.io.image_reading import read_image
+from mpsnet_core.io.opening import AnyPath
 from mpsnet_core.io.provenance import fingerprint
 
 if TYPE_CHECKING:
     from av import VideoFrame
     from av.container import InputContainer
     from av.video.stream import VideoStream
+
+
+# --- decode videos by another program: Blender, which has FFmpeg, does so for its extension, which has no PyAV --------
+# An environment variable holds the program's command (:data:`mpsnet_core.io.files.VIDEO_DECODER`); the video's path is
+# appended to it. The protocol is that of :mod:`mpsnet_core.io.child_process`::
+#
+# {"result": {"width": 1920, "height": 1080, "frame_rate": 25.0, "count": 250}} first; upright {"frame": 7} a request;
+# numbers from 1 {"result": {"file": "/tmp/frame.tif"}} exists until the next request {"error": "a sentence"} instead of
+# either
+#
+# The program ends when its input ends.
+
+
+# Enough for Blender's start, or for seeking in a long video.
+ANSWER_SECONDS = 120.0
+
+
+class VideoDecoder:
+    """A program that decodes the video at `path`. It ends when this object is garbage collected.
+
+    Attributes `width`, `height`, `frame_rate` and `count` are as in :class:`Video`. Raises FormatError if the program
+    cannot decode the video.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        command = [*json.loads(os.environ[VIDEO_DECODER]), str(path.resolve())]
+        self._child = ChildProcess(command, child_environment())
+        weakref.finalize(self, self._child.close)
+        header = self._answer()
+        self.width, self.height, self.count = (int(header[name]) for name in ("width", "height", "count"))
+        self.frame_rate = float(header["frame_rate"])
+
+    def read(self, number: int, encoding: Encoding) -> Image:
+        """Read the pixels of a frame. Not thread-safe."""
+        self._child.send({"frame": number})
+        return read_image(self._answer()["file"], encoding=encoding)
+
+    def _answer(self) -> Mapping[str, Any]:
+        try:
+            message = self._child.receive(ANSWER_SECONDS)
+        except ChildEnded as end:
+            raise FormatError(f"{self._path} cannot be decoded ({end}); convert it, to H.264 for instance") from None
+        if "error" in message:
+            raise FormatError(message["error"])
+        return dict(message["result"])
+
 
 log = logging.getLogger(__name__)
 
@@ -68,7 +119,7 @@ class Video:
     """The program that decodes it; None for PyAV."""
 
 
-def read_video_header(path: str | os.PathLike[str], *, encoding: Encoding = "auto") -> Video:
+def read_video_header(path: AnyPath, *, encoding: Encoding = "auto") -> Video:
     """Read a video's header, and report the transfer curve that is assumed for its values.
 
     Raises FileError if the file is missing or PyAV is not installed, FormatError if the file is damaged or too large,
@@ -92,23 +143,16 @@ def read_video_header(path: str | os.PathLike[str], *, encoding: Encoding = "aut
             seconds = float(stream.duration * stream.time_base)
         log.info("video read as %s%s", curve, ", as requested" if encoding != "auto" else "")
         if codec.pix_fmt and ("420" in codec.pix_fmt or "422" in codec.pix_fmt or codec.pix_fmt in ("nv12", "p010le")):
-            log.info(
-                "the video stores colour at half its resolution (%s), and each light is one colour, so the "
-                "normals are as coarse; record 4:4:4 video or frames if you can",
-                codec.pix_fmt,
-            )
+            words = "the video stores colour at half its resolution (%s), and each light is one colour, so the normals "
+            log.info(words + "are as coarse; record 4:4:4 video or frames if you can", codec.pix_fmt)
         aspect = stream.sample_aspect_ratio
         if aspect and aspect != 1:
-            log.warning(
-                "the video's pixels are not square (%s:%s), and the normals are those of the stored picture; convert "
-                "it to square pixels",
-                aspect.numerator,
-                aspect.denominator,
-            )
+            words = "the video's pixels are not square (%s:%s), and the normals are those of the stored picture; "
+            log.warning(words + "convert it to square pixels", aspect.numerator, aspect.denominator)
         return Video(path, codec.width, codec.height, rate, stream.frames or round(seconds * rate))
 
 
-def video_outputs(video: Path, folder: str | os.PathLike[str], kind: str | None) -> Callable[[int], Path]:
+def video_outputs(video: Path, folder: AnyPath, kind: str | None) -> Callable[[int], Path]:
     """Files for the normals of a video's frames, by number from 1: NAME_000001_normals in `folder`.
 
     kind: file type such as "png", the default. Raises InputError if `folder` is unusable.
@@ -164,10 +208,8 @@ def video_frames(
                 break
             number += 1
             if (picture.width, picture.height) != (video.width, video.height):
-                raise FormatError(
-                    f"{video.path}: frame {number} is {picture.width} x {picture.height}, the first is {video.width} x "
-                    f"{video.height}; cut the video where its size changes"
-                )
+                words = f"{video.path}: frame {number} is {picture.width} x {picture.height}, not {video.width} x "
+                raise FormatError(f"{words}{video.height}; cut the video where its size changes")
             yield frame(number, partial(_image, picture, linear, f"{video.path.name}, frame {number}"))
     if number == 0:
         raise FormatError(f"{video.path} holds no frame that can be read{damage}; copy or export it again")
@@ -208,10 +250,7 @@ def _curve(path: Path, transfer: int, encoding: Encoding) -> str:
 
 def _check_size(path: Path, width: int, height: int) -> None:
     if width * height > MAX_PIXELS or width * height == 0:
-        raise FormatError(
-            f"{path} says it is {width} x {height}; this program reads up to {MAX_PIXELS // 10**6} megapixels; "
-            "scale it down"
-        )
+        raise FormatError(f"{path} is {width} x {height}, above {MAX_PIXELS // 10**6} megapixels; scale it down")
 
 
 def _has_pyav() -> bool:
@@ -225,18 +264,14 @@ def _has_pyav() -> bool:
 def _opened(path: Path) -> "InputContainer":
     """The video's container, to be closed after use."""
     if not _has_pyav():
-        raise FileError(
-            f"{path} is a video, which needs PyAV: pip install '.[video]' in a copy of the repository, or give frames"
-        )
+        raise FileError(f"{path} is a video, which needs PyAV: pip install '.[video]' in a copy of the repository")
     import av
 
     try:
         container = av.open(f"file:{path}", options=dict(_OPEN))
     except (av.FFmpegError, OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or str(error)
-        raise FormatError(
-            f"{path} cannot be read as a video ({reason}); check that it is a complete video file"
-        ) from None
+        raise FormatError(f"{path} cannot be read as a video ({reason}); check that it is complete") from None
     try:
         if not container.streams.video:
             raise FormatError(f"{path} holds no pictures, only sound or text; choose another")

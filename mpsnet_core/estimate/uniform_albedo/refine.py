@@ -15,22 +15,207 @@ by the errors of both; the result is the mean over all hypotheses.
 """
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 from functools import partial
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mpsnet_core.arrays.mask_regions import bounding_box, box_sums
-from mpsnet_core.arrays.resampling import sampled_rows
+from mpsnet_core.arrays.resampling import means_inside, sampled_rows, upsampled
 from mpsnet_core.arrays.row_bands import bands, on_all_cores
+from mpsnet_core.arrays.types import F64, Bools, Floats
 from mpsnet_core.arrays.unit_vectors import dot, normalised
 from mpsnet_core.capture.capture import Capture
-from mpsnet_core.estimate.distant_lights import lights_in, pseudo_normals
-from mpsnet_core.estimate.uniform_albedo.fit import MIN_SPREAD, Floats, UniformAlbedo, find_uniform_albedo
-from mpsnet_core.estimate.uniform_albedo.halving import add_upsampled_changes, halve
+from mpsnet_core.estimate.distant_lights import lights_in, pseudo_normals, pseudo_normals_by_light
 from mpsnet_core.progress import Progress, part, silent
 from mpsnet_core.scene.normal_map import NormalMap
+
+# --- test whether a photo shows a matt surface of one albedo, and find that albedo ------------------------------------
+# Equation 2 gives a vector for every pixel whose length is the albedo. If a matt surface has one colour and all three
+# lights reach it, all vectors have the same length once each channel is divided by that colour: the pixels lie on an
+# ellipsoid (Drew and Kontsevich, "Closed-form attitude determination under spectrally varying illumination", CVPR
+# 1994). A robust fit finds the colour, and the lengths prove it: pixels with other colours, gloss or shadows lie on the
+# ellipsoid only by chance.
+
+
+MIN_PIXELS = 200
+# Below this cosine, a light shows little of the colour.
+GRAZING = 0.15
+# Standard deviations of the lengths in the successive rounds of the robust fit, which starts at the network's normals.
+SPREADS = (0.3, 0.15, 0.08, 0.05, 0.03, 0.03)
+FURTHER_SPREADS = 3  # additional rounds if the lengths differ by still less
+MIN_SPREAD = 0.003
+ITERATIONS = 4  # per round
+# Conditions of the proof: lengths that differ by at most this,
+SHARPEST = 0.02
+# a density of pixels at that length so many times the density at others (at least MIN_DENSITY),
+PEAK, MIN_DENSITY = 12.0, 0.05
+# so many directions (the perplexity of their histogram), because three flat faces fit any colour; a histogram cell
+# counts at most this share of the pixels, because one large face must not outweigh all others,
+DIRECTIONS, DIRECTION_STEP, LARGEST_FACE = 12.0, 0.2, 0.01
+# a colour that they determine (least eigenvalue of the fit's normal equations, per pixel),
+DETERMINED = 0.01
+# and this share of the object.
+MIN_SHARE = 0.1
+
+
+@dataclass(frozen=True)
+class UniformAlbedo:
+    """The colour of a uniform surface."""
+
+    gains: F64
+    """(3,) float64. Gains times unmixed light is each light's cosine on the surface."""
+    spread: float
+    """Relative standard deviation of the lengths of inliers."""
+    determined: float
+    """Least eigenvalue of the fit's normal equations, per pixel."""
+    density: float
+    """Share of all pixels, per unit of length, that are near this length by chance."""
+    share: float
+    """Share of all pixels that have this length."""
+
+    def sharp(self, peak: float) -> bool:
+        """Whether the lengths have one narrow peak, of density `peak`, that determines the gains."""
+        narrow = self.spread < SHARPEST and peak > PEAK * self.density
+        return narrow and self.share > MIN_SHARE and self.determined > DETERMINED
+
+
+def find_uniform_albedo(light: Floats, lights: F64, normals: Floats, expected_error: Floats) -> UniformAlbedo | None:
+    """The colour of a matt surface of one albedo, or None if the pixels do not prove that it is one.
+
+    Parameters
+    ----------
+    light : (N, 3) array
+        Unmixed pixels from all over the object, none of them clipped.
+    lights : (3, 3) or (N, 3, 3) array
+        Directions times brightness, one light per row.
+    normals : (N, 3) array
+        Unit normals estimated by a network.
+    expected_error : (N,) array
+        Expected error of `normals` in radians.
+    """
+    cosines = np.einsum("...ki,...i->...k", lights, normals)
+    positive = (light > 0).all(axis=-1)
+    bright = positive & (cosines > GRAZING).all(axis=-1)
+    if np.count_nonzero(bright) < MIN_PIXELS:
+        return None
+    parts = pseudo_normals_by_light(light, lights)
+    nearby = np.maximum(0.1, 2 * expected_error)
+    gains = 1 / np.median(light[bright] / cosines[bright], axis=0)
+    spreads = list(SPREADS)
+    for number, spread in enumerate(spreads):  # the loop may append to spreads
+        for _ in range(ITERATIONS):
+            length, vectors, weights = _weighed(parts, gains, normals, nearby, spread)
+            weights *= positive
+            total = float(weights.sum())
+            if total < MIN_PIXELS / 2:
+                return None
+            gradient = np.einsum("ni,nki->nk", vectors, parts) * gains
+            equations = np.einsum("nj,nk,n->jk", gradient, gradient, weights) / total
+            right = np.einsum("nk,n->k", gradient, weights * (1 - length)) / total
+            change = np.linalg.solve(equations + 1e-4 * np.eye(3), right)
+            gains = gains * np.exp(np.clip(change, -0.3, 0.3))
+        if number == len(spreads) - 1 and len(spreads) < len(SPREADS) + FURTHER_SPREADS:
+            length = _weighed(parts, gains, normals, nearby, spread)[0]
+            centre, found = _peak(length[positive], 2 * spread)
+            if found < 0.6 * spread:
+                gains /= centre
+                spreads.append(max(2 * found, MIN_SPREAD))
+    length, vectors, weights = _weighed(parts, gains, normals, nearby, spread)
+    length = np.where(positive, length, 0)
+    spread, determined = _peak(length, 2 * SPREADS[-1])[1], float(np.linalg.eigvalsh(equations)[0])
+    density = max((_density(length, 0.8, 0.9) + _density(length, 1.1, 1.2)) / 2, MIN_DENSITY)
+    share = float((np.abs(length - 1) < 2 * SPREADS[-1]).mean())
+    result = UniformAlbedo(gains, spread, determined, density, share)
+    proven = result.sharp(_density(length, 0.98, 1.02)) and _directions(vectors, weights * positive) > DIRECTIONS
+    return result if proven else None
+
+
+def _weighed(parts: Floats, gains: F64, normals: Floats, nearby: Floats, spread: float) -> tuple[F64, F64, F64]:
+    """Length (N,) and direction (N, 3) of equation 2's vectors, and the pixels' weights (N,)."""
+    vectors = np.einsum("k,nki->ni", gains, parts)
+    length = np.linalg.norm(vectors, axis=-1)
+    vectors /= np.maximum(length, 1e-9)[:, None]
+    off = np.linalg.norm(vectors - normals, axis=-1) / nearby
+    return length, vectors, np.exp(-0.5 * (((length - 1) / spread) ** 2 + off**2))
+
+
+def _peak(length: F64, within: float) -> tuple[float, float]:
+    """Mode of the lengths near one, and their standard deviation if they were normally distributed.
+
+    Uses the shortest interval that holds half of them: interreflections only add to lengths, and would bias a mean.
+    """
+    close = np.sort(length[np.abs(length - 1) < within])
+    half = len(close) // 2
+    if half < 2:
+        return 1.0, np.inf
+    widths = close[half:] - close[: len(close) - half]
+    first = int(np.argmin(widths))
+    return float(close[first] + close[first + half]) / 2, float(widths[first]) / (2 * 0.6745)
+
+
+def _density(length: F64, low: float, high: float) -> float:
+    return float(((length > low) & (length < high)).mean() / (high - low))
+
+
+def _directions(vectors: F64, weights: F64) -> float:
+    """Effective number of directions: the perplexity of their histogram over x and y."""
+    sure = weights > 0.3
+    cells = np.floor(vectors[sure, :2] / DIRECTION_STEP).astype(np.int64)
+    _, cell = np.unique(cells, axis=0, return_inverse=True)
+    counts = np.bincount(cell.reshape(-1), weights[sure])
+    counts = np.minimum(counts, LARGEST_FACE * len(weights))
+    shares = counts / max(counts.sum(), 1e-9)
+    return float(np.exp(-(shares * np.log(shares)).sum())) if len(shares) else 0.0
+
+
+# --- halve the resolution of a photo and its normals, and correct the normals by what was found there -----------------
+# Noise can hide that a surface has one albedo. The mean of four pixels has half the noise.
+
+
+# Rows at a time; even, because pairs of rows are averaged.
+ROWS = 256
+# Share of the confidence gained at half the resolution that counts at full: finer relief may still be wrong.
+SURE = 0.8
+
+
+def halve(capture: Capture, estimate: NormalMap) -> tuple[Capture, NormalMap]:
+    """Both at half the resolution: each pixel is the mean of those inside the mask, and clipped if one of them is."""
+    shape = tuple(-(-side // 2) for side in capture.mask.shape)
+    image = np.zeros((*shape, 3), capture.image.dtype)
+    normals = np.zeros((*shape, 4), estimate.vectors.dtype)
+    mask, clipped = np.zeros(shape, bool), np.zeros((*shape, 3), bool)
+    camera, depth = capture.camera, None if capture.depth is None else np.zeros(shape, np.float32)
+    for rows in bands(len(capture.mask), ROWS):
+        half, inside = slice(rows.start // 2, -(-rows.stop // 2)), capture.mask[rows]
+        image[half], mask[half] = means_inside(capture.image[rows].astype(np.float32, copy=False), inside, 1)
+        found = np.concatenate([estimate.vectors[rows], estimate.confidence[rows][..., None]], axis=-1)
+        normals[half] = means_inside(found.astype(np.float32, copy=False), inside, 1)[0]
+        clipped[half] = means_inside(capture.saturated_in(rows).astype(np.float32), inside, 1)[0] > 0
+        if depth is not None and capture.depth is not None:
+            known = np.where(inside, capture.depth[rows], np.float32(0))[..., None]
+            depth[half] = means_inside(known, inside, 1)[0][..., 0]
+    if camera is not None:
+        camera = camera.cropped(0, 0, camera.width, camera.height, 2)
+    small = Capture(image, mask, capture.rig, camera, depth=depth, clipped=clipped)
+    return small, NormalMap(normals[..., :3], mask, normals[..., 3], in_place=True)
+
+
+def add_upsampled_changes(estimate: NormalMap, half: NormalMap, turn: Floats, trust: Floats) -> None:
+    """Add the changes found at half the resolution, in place: `turn` (h, w, 3) to the normals and `trust` (h, w) to
+    the confidence, bilinearly from the pixels inside the mask of `half`."""
+    if not (turn.any() or trust.any()):
+        return
+    change = np.concatenate([turn, trust[..., None], half.mask[..., None]], axis=-1, dtype=np.float32)
+    height, width = estimate.mask.shape
+    for rows in bands(height, ROWS):
+        full = upsampled(change, (2 * len(change), 2 * change.shape[1]), rows)[:, :width]
+        full = full[..., :4] / np.maximum(full[..., 4:], np.float32(1e-3))
+        mask, vectors, confidence = estimate.mask[rows], estimate.vectors[rows], estimate.confidence[rows]
+        vectors[mask] = normalised(vectors + full[..., :3])[mask]
+        confidence[mask] = np.clip(confidence + SURE * full[..., 3], 0, 1)[mask]
+
 
 RIGHT_ANGLE = np.pi / 2
 # Pixels sampled to find the colour, at full and at lower resolution; side of the tiles that are processed in parallel.
@@ -67,19 +252,18 @@ class _Pixels(NamedTuple):
 
     light: Floats
     """(..., 3). Unmixed image."""
-    lights: NDArray[np.float64]
+    lights: F64
     """(..., 3, 3), or (3, 3) for all. Light directions times brightness, one light per row."""
     normals: Floats
     """(..., 3). The network's normals."""
     error: Floats
     """(...). Their expected error, in radians."""
 
-    def at(self, chosen: NDArray[np.bool_], columns: slice = slice(None)) -> "_Pixels":
+    def at(self, chosen: Bools, columns: slice = slice(None)) -> "_Pixels":
         """The chosen pixels of some columns of an image."""
         lights = self.lights[:, columns][chosen] if self.lights.ndim > 2 else self.lights
-        return _Pixels(
-            self.light[:, columns][chosen], lights, self.normals[:, columns][chosen], self.error[:, columns][chosen]
-        )
+        light, normals, error = (one[:, columns][chosen] for one in (self.light, self.normals, self.error))
+        return _Pixels(light, lights, normals, error)
 
 
 class _Hypothesis(NamedTuple):
@@ -156,18 +340,14 @@ def _sample(capture: Capture, estimate: NormalMap, count: int = SAMPLED) -> _Pix
     return _Pixels(*(np.concatenate(values) for values in zip(*parts, strict=True)))
 
 
-def _valid(capture: Capture, rows: slice) -> NDArray[np.bool_]:
-    valid: NDArray[np.bool_] = capture.mask[rows] & ~capture.saturated_in(rows).any(axis=-1)
-    return valid
+def _valid(capture: Capture, rows: slice) -> Bools:
+    return capture.mask[rows] & ~capture.saturated_in(rows).any(axis=-1)
 
 
 def _picture(capture: Capture, estimate: NormalMap, rows: slice) -> _Pixels:
-    return _Pixels(
-        capture.rig.unmixed(capture.image[rows].astype(np.float32, copy=False)),
-        lights_in(capture, rows),
-        estimate.vectors[rows].astype(np.float32),
-        (1 - estimate.confidence[rows].astype(np.float32)) * np.float32(RIGHT_ANGLE),
-    )
+    light = capture.rig.unmixed(capture.image[rows].astype(np.float32, copy=False))
+    error = (1 - estimate.confidence[rows].astype(np.float32)) * np.float32(RIGHT_ANGLE)
+    return _Pixels(light, lights_in(capture, rows), estimate.vectors[rows].astype(np.float32), error)
 
 
 def _refine_bands(
@@ -181,16 +361,9 @@ def _refine_bands(
     for rows in bands(height, TILE):
         window = _grown(rows, around, height)
         results = estimate.vectors[rows].copy(), estimate.confidence[rows].copy()
-        refine = partial(
-            _refine_tile,
-            _picture(capture, estimate, window),
-            _valid(capture, window),
-            slice(rows.start - window.start, rows.stop - window.start),
-            albedo,
-            around,
-            results,
-        )
-        on_all_cores(refine, bands(width, TILE))
+        pixels, valid = _picture(capture, estimate, window), _valid(capture, window)
+        own = slice(rows.start - window.start, rows.stop - window.start)
+        on_all_cores(partial(_refine_tile, pixels, valid, own, albedo, around, results), bands(width, TILE))
         yield rows, *results
 
 
@@ -202,7 +375,7 @@ def _grown(part: slice, around: int, length: int) -> slice:
 
 def _refine_tile(
     picture: _Pixels,
-    valid: NDArray[np.bool_],
+    valid: Bools,
     rows: slice,
     albedo: UniformAlbedo,
     around: int,
@@ -223,7 +396,7 @@ def _refine_tile(
     vectors[inside], confidence[inside] = found[inside, :3], found[inside, 3]
 
 
-def _combined(pixels: _Pixels, place: NDArray[np.bool_], albedo: UniformAlbedo, around: int) -> tuple[Floats, Floats]:
+def _combined(pixels: _Pixels, place: Bools, albedo: UniformAlbedo, around: int) -> tuple[Floats, Floats]:
     """Mean over all hypotheses: normals (N, 3) and their expected error (N,). place: (H, W) mask of the pixels."""
     found = list(_hypotheses(pixels, albedo))
     rest = 1 - min(albedo.share, 0.9)
@@ -247,7 +420,7 @@ def _combined(pixels: _Pixels, place: NDArray[np.bool_], albedo: UniformAlbedo, 
     return normalised(total), expected
 
 
-def _means_around(probability: Floats, place: NDArray[np.bool_], around: int, area: NDArray[np.float64]) -> Floats:
+def _means_around(probability: Floats, place: Bools, around: int, area: F64) -> Floats:
     means = np.empty_like(probability)
     picture = np.zeros(place.shape, np.float32)
     for number in range(probability.shape[1]):
@@ -335,23 +508,19 @@ def _one(
 
 
 def _angle(vectors: Floats, normals: Floats) -> Floats:
-    angle: Floats = 2 * np.arcsin(np.clip(np.linalg.norm(vectors - normals, axis=-1) / 2, 0, 1))
-    return angle
+    return 2 * np.arcsin(np.clip(np.linalg.norm(vectors - normals, axis=-1) / 2, 0, 1))
 
 
 def _gaussian(off: Floats, spread: Floats | float) -> Floats:
-    density: Floats = np.exp(-0.5 * (off / spread) ** 2) / (spread * np.sqrt(2 * np.pi))
-    return density
+    return np.exp(-0.5 * (off / spread) ** 2) / (spread * np.sqrt(2 * np.pi))
 
 
 def _density_of_direction(angle: Floats, spread: Floats) -> Floats:
-    density: Floats = np.exp(-0.5 * (angle / spread) ** 2) / (2 * np.pi * spread**2)
-    return density
+    return np.exp(-0.5 * (angle / spread) ** 2) / (2 * np.pi * spread**2)
 
 
 def _density_of_blocked(light: Floats, full: Floats) -> Floats:
     """Probability density of a blocked light's value: black, or penumbra between none and full light."""
     full = np.maximum(full, 0)
     black = np.exp(-0.5 * (light / BLACK) ** 2) / (BLACK * np.sqrt(np.pi / 2))
-    density: Floats = BLACK_SHADOWS * black + (1 - BLACK_SHADOWS) * (light < full) / np.maximum(full, 0.05)
-    return density
+    return BLACK_SHADOWS * black + (1 - BLACK_SHADOWS) * (light < full) / np.maximum(full, 0.05)

@@ -5,8 +5,8 @@ from dataclasses import replace
 from functools import partial
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mpsnet_core.arrays.types import F32, Bools
 from mpsnet_core.arrays.unit_vectors import angular_error
 from mpsnet_core.learning.evaluation.evaluation import Evaluation, table_of_measures
 from mpsnet_core.learning.evaluation.measure import Case, Result, Row, white_choices
@@ -50,7 +50,7 @@ class ColourChanges(Evaluation):
     title = "A blob, many colours"
 
     def __init__(self, options: EvaluateColour) -> None:
-        self._white: dict[tuple[str, str, int, str], NDArray[np.float32]] = {}
+        self._white: dict[tuple[str, str, int, str], F32] = {}
         self.cases = [
             partial(painted_blob, name, protocol, options.size, white=beside, blob=blob)
             for blob in range(options.blobs)
@@ -96,15 +96,12 @@ def painted_blob(name: str, protocol: str, size: int, *, white: bool, blob: int 
     recipe = published_view(held_out_blob(blob), materials, size, pattern=pattern)
     sample = synthesise(recipe, built_blob(blob), [load_reflectance(material) for material in materials])
     near = near_colour_edges(surface_colours(recipe, built_blob(blob)))
-    return Case(
-        {"object": f"blob {blob + 1}", "colouring": name, "protocol": protocol, "photos": 1 + white},
-        ideal_photograph(sample, protocol, white=white),
-        sample.normals,
-        {"near_edges": near, "far_from_edges": ~near},
-    )
+    labels = {"object": f"blob {blob + 1}", "colouring": name, "protocol": protocol, "photos": 1 + white}
+    photo = ideal_photograph(sample, protocol, white=white)
+    return Case(labels, photo, sample.normals, {"near_edges": near, "far_from_edges": ~near})
 
 
-def surface_colours(recipe: SceneDescription, shape: Shape) -> NDArray[np.float32]:
+def surface_colours(recipe: SceneDescription, shape: Shape) -> F32:
     """(H, W, 3) base colour of the surface at each pixel's centre, from the recipe; NaN outside the object.
 
     recipe: with principled materials, without paint or dirt.
@@ -116,7 +113,7 @@ def surface_colours(recipe: SceneDescription, shape: Shape) -> NDArray[np.float3
     return colours.reshape(recipe.camera.height, recipe.camera.width, 3)
 
 
-def near_colour_edges(colours: NDArray[np.float32]) -> NDArray[np.bool_]:
+def near_colour_edges(colours: F32) -> Bools:
     """(H, W) whether a pixel is within :data:`NEAR` pixels of a colour edge. NaN makes no edge."""
     height, width = colours.shape[:2]
     edge = np.zeros((height, width), bool)

@@ -1,6 +1,5 @@
 """Test on DiLiGenT (Shi et al. 2016): one-shot captures multiplexed from photographs under white light."""
 
-import os
 from collections.abc import Sequence
 from dataclasses import asdict
 from functools import lru_cache, partial
@@ -8,15 +7,16 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mpsnet_core.arrays.sizes import check_same_size
+from mpsnet_core.arrays.types import F32, F64
 from mpsnet_core.arrays.unit_vectors import normalised
 from mpsnet_core.capture.capture import Capture
 from mpsnet_core.errors import FileError, FormatError, GeometryError, InputError, SettingsError
 from mpsnet_core.estimate.estimator import usable_channels
 from mpsnet_core.io.files import existing_file
 from mpsnet_core.io.image_reading import read_data, read_mask
+from mpsnet_core.io.opening import AnyPath
 from mpsnet_core.learning.evaluation.evaluation import Evaluation, table_of_errors
 from mpsnet_core.learning.evaluation.matfile import read_mat_array
 from mpsnet_core.learning.evaluation.measure import Case, Row, white_choices
@@ -32,16 +32,12 @@ from mpsnet_core.scene.rig import LightRig
 from mpsnet_core.synthesis.reflectance.lambertian_error import PUBLISHED_MIXING
 
 # Weights of a white photograph's R, G, B in one channel of the capture: c_i = Σ_j P_ij I_k(i),j.
-PROTOCOLS: dict[str, NDArray[np.float64]] = {
-    "separated": np.eye(3),
-    "published": PUBLISHED_MIXING,
-    "white": np.full((3, 3), 1 / 3),
-}
+PROTOCOLS: dict[str, F64] = {"separated": np.eye(3), "published": PUBLISHED_MIXING, "white": np.full((3, 3), 1 / 3)}
 DAMAGED_PHOTOGRAPHS = 20  # of the bear, by the data set's authors
 BRIGHT_FACING = "bright_facing_mae_deg"
 
 
-def object_folder(root: str | os.PathLike[str], name: str) -> Path | None:
+def object_folder(root: AnyPath, name: str) -> Path | None:
     """The folder of one object in DiLiGenT's ``pmsData``, or None if it is absent."""
     for folder in (Path(root) / f"{name}PNG", Path(root) / "pmsData" / f"{name}PNG"):
         if folder.is_dir():
@@ -49,7 +45,7 @@ def object_folder(root: str | os.PathLike[str], name: str) -> Path | None:
     return None
 
 
-def read_diligent(folder: str | os.PathLike[str], lights: Lights, protocol: str, *, white: bool = False) -> Capture:
+def read_diligent(folder: AnyPath, lights: Lights, protocol: str, *, white: bool = False) -> Capture:
     """Multiplex a capture from three of an object's white photographs.
 
     lights: numbers of the lights for the red, green and blue channel, from 1. Each photograph is divided by its light's
@@ -81,7 +77,7 @@ def read_diligent(folder: str | os.PathLike[str], lights: Lights, protocol: str,
     return Capture(np.stack(mixed, axis=-1).astype(np.float32), read_mask(folder / "mask.png"), rig, white=beside)
 
 
-def read_truth(folder: str | os.PathLike[str]) -> NDArray[np.float32]:
+def read_truth(folder: AnyPath) -> F32:
     """(H, W, 3) true normals in camera space. Raises InputError if they are missing."""
     truth = read_mat_array(Path(folder) / "Normal_gt.mat", "Normal_gt")
     if truth.ndim != 3 or truth.shape[2] != 3:
@@ -152,13 +148,9 @@ class Diligent(Evaluation):
         notes = []
         if self._figures(rows):
             notes.append("paper: table 2 and figure 8 of Ju et al. 2019, as printed; figure 8 names no lights")
-        damaged = any(
-            row.labels["object"] == "bear" and min(row.labels["lights"]) <= DAMAGED_PHOTOGRAPHS for row in rows
-        )
-        if damaged:
-            notes.append(
-                f"the bear's first {DAMAGED_PHOTOGRAPHS} photographs are known to be damaged; they are used here"
-            )
+        bear = [min(row.labels["lights"]) for row in rows if row.labels["object"] == "bear"]
+        if min(bear, default=DAMAGED_PHOTOGRAPHS + 1) <= DAMAGED_PHOTOGRAPHS:
+            notes.append(f"the bear's first {DAMAGED_PHOTOGRAPHS} photographs are damaged; they are used here")
         return notes
 
     def skipped(self) -> list[str]:
@@ -204,7 +196,7 @@ def _text(path: Path) -> str:
     return existing_file(path, "DiLiGenT's list").read_text(encoding="utf-8", errors="backslashreplace")
 
 
-def _numbers(path: Path) -> NDArray[np.float64]:
+def _numbers(path: Path) -> F64:
     lines = _text(path).splitlines()
     try:
         values = np.array([[float(number) for number in line.split()] for line in lines if line.strip()])

@@ -8,11 +8,18 @@ from typing import Any
 from mpsnet_core.estimate.registry import BASELINES
 from mpsnet_core.io.files import write_json, write_transaction
 from mpsnet_core.io.text_table import table_of_means, text_table
-from mpsnet_core.learning.evaluation.charts import Curve, line_chart
-from mpsnet_core.learning.evaluation.confidence import GROUPS, Calibration, ConfidencePool
-from mpsnet_core.learning.evaluation.evaluation_result import Measured
-from mpsnet_core.learning.evaluation.measure import Case, Result, Row, chosen_models, measure
-from mpsnet_core.learning.evaluation.report import open_report
+from mpsnet_core.learning.evaluation import Measured
+from mpsnet_core.learning.evaluation.measure import (
+    GROUPS,
+    Calibration,
+    Case,
+    ConfidencePool,
+    Result,
+    Row,
+    chosen_models,
+    measure,
+)
+from mpsnet_core.learning.evaluation.report import Curve, line_chart, open_report
 from mpsnet_core.progress import Progress
 
 
@@ -77,9 +84,8 @@ def evaluate(
                 page.add(results)
         calibrations = pool.calibration()
         named = [row.labelled(model=_shown_name(row.labels["model"], row.labels)) for row in rows]
-        table = "\n\n".join(
-            ["mean angular error in degrees\n" + evaluation.table(named), *_confidence_table(calibrations)]
-        )
+        errors = "mean angular error in degrees\n" + evaluation.table(named)
+        table = "\n\n".join([errors, *_confidence_table(calibrations)])
         skipped = evaluation.skipped()
         notes = [*evaluation.notes(rows), *skipped]
         measured = Measured(
@@ -93,9 +99,8 @@ def evaluate(
             if json:
                 write_json(json, measured.metrics())
             if page:
-                page.write(
-                    evaluation.title, table, notes, [*evaluation.charts(rows), *_calibration_chart(calibrations)]
-                )
+                charts = [*evaluation.charts(rows), *_calibration_chart(calibrations)]
+                page.write(evaluation.title, table, notes, charts)
     return measured
 
 

@@ -8,10 +8,10 @@ import numpy as np
 
 from mpsnet_core.estimate.registry import LAMBERTIAN
 from mpsnet_core.io.text_table import mean_cell, text_table
-from mpsnet_core.learning.evaluation.charts import Curve, line_chart
 from mpsnet_core.learning.evaluation.evaluation import Evaluation
 from mpsnet_core.learning.evaluation.measure import Case, Row
 from mpsnet_core.learning.evaluation.operations import EvaluateMaterials
+from mpsnet_core.learning.evaluation.report import Curve, line_chart
 from mpsnet_core.learning.evaluation.scenes import built_blob, held_out_blob, ideal_photograph, published_view
 from mpsnet_core.synthesis.reflectance import load_reflectance, material_names
 from mpsnet_core.synthesis.sample import Sample
@@ -61,9 +61,7 @@ class Materials(Evaluation):
                 words = [f"{material}: {errors[material]:.2f}°" for material in order]
                 curves.append(Curve(model, range(1, len(order) + 1), [errors[material] for material in order], words))
             title = f"{len(order)} materials, {protocol}"
-            charts.append(
-                line_chart(title, curves, "materials by the baseline's error", "mean angular error in degrees")
-            )
+            charts.append(line_chart(title, curves, "materials by the baseline's error", "mean error in degrees"))
         return charts
 
     def notes(self, rows: Sequence[Row]) -> list[str]:

@@ -1,17 +1,16 @@
 """Read a numeric array from a MATLAB 5 file, the format of DiLiGenT's true normals."""
 
-import os
 import struct
 import zlib
 from collections.abc import Iterator
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mpsnet_core.arrays.types import F64
 from mpsnet_core.errors import FormatError
 from mpsnet_core.io.files import existing_file
 from mpsnet_core.io.npz import unpacked_limit
-from mpsnet_core.io.opening import DAMAGED
+from mpsnet_core.io.opening import DAMAGED, AnyPath
 
 # "MAT-File Format", MathWorks, tables 1-1 and 1-3.
 _TYPES = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 9: "f8", 12: "i8", 13: "u8"}
@@ -19,7 +18,7 @@ _MATRIX, _COMPRESSED, _FIRST_NUMERIC_CLASS = 14, 15, 6
 MAX_BYTES = 1 << 30
 
 
-def read_mat_array(path: str | os.PathLike[str], name: str) -> NDArray[np.float64]:
+def read_mat_array(path: AnyPath, name: str) -> F64:
     """The real, dense numeric array called `name`, as float64.
 
     Raises FileError if the file is missing, FormatError if it is damaged or has no such array.
@@ -65,7 +64,7 @@ def _elements(data: bytes) -> Iterator[tuple[int, bytes]]:
         offset = end
 
 
-def _matrix(body: bytes, name: str) -> NDArray[np.float64] | None:
+def _matrix(body: bytes, name: str) -> F64 | None:
     parts = _elements(body)
     (_, flags), (_, shape), (_, title) = next(parts), next(parts), next(parts)
     if title.decode("latin-1") != name or flags[0] < _FIRST_NUMERIC_CLASS:

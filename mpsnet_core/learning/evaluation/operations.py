@@ -5,7 +5,7 @@ from pkgutil import resolve_name
 from typing import TYPE_CHECKING, Any, ClassVar
 
 from mpsnet_core.estimate.registry import DEFAULT_MODEL
-from mpsnet_core.learning.evaluation.evaluation_result import Measured
+from mpsnet_core.learning.evaluation import Measured
 from mpsnet_core.learning.evaluation.published import OBJECTS
 from mpsnet_core.operation import Operation, option
 from mpsnet_core.progress import Progress, silent
@@ -48,13 +48,9 @@ class MeasuresModels(Operation):
 
     heading: ClassVar[str] = "the models, and output files"
 
-    model: tuple[str, ...] = option(
-        default=(DEFAULT_MODEL,), metavar="MODEL", help="model by its name or .onnx file, or all"
-    )
+    model: tuple[str, ...] = option(default=(DEFAULT_MODEL,), metavar="MODEL", help="a model's name or file, or all")
     json: str | None = option(default=None, metavar="FILE", help="write the rows as JSON", provenance="none")
-    output: str | None = option(
-        default=None, metavar="REPORT", help="write an HTML report with pictures", provenance="none"
-    )
+    output: str | None = option(default=None, metavar="REPORT", help="write a report with pictures", provenance="none")
 
     # Module and class of the test, which takes the operation.
     test: ClassVar[str]
@@ -183,16 +179,12 @@ class EvaluatePatchSizes(Operation):
 
     samples: tuple[str, ...] = option(metavar="DIR", help="folder of samples to train on")
     validation: tuple[str, ...] = option(metavar="DIR", help="folder of held-out samples")
-    runs: str = option(
-        metavar="DIR", help="folder of checkpoints, from which a cancelled run resumes", provenance="none"
-    )
+    runs: str = option(metavar="DIR", help="folder of checkpoints, to resume a cancelled run from", provenance="none")
     width: float = option(default=0.125, help="fraction of the published numbers of feature maps")
     steps: int = option(default=600, help="steps of each of the ten trainings, 512 patches each")
     patches: int = option(default=500_000, low=1, help="how many patches to measure on")
     json: str | None = option(default=None, metavar="FILE", help="write the rows as JSON", provenance="none")
-    output: str | None = option(
-        default=None, metavar="REPORT", help="write an HTML report with a chart", provenance="none"
-    )
+    output: str | None = option(default=None, metavar="REPORT", help="write a report with a chart", provenance="none")
 
     def run(self, progress: Progress = silent) -> Measured:
         """Train and measure the ten networks, and write rows and report if requested."""

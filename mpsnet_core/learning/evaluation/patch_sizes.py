@@ -12,11 +12,10 @@ from pathlib import Path
 
 from mpsnet_core.io.files import ensure_folder, writable_path, write_json, write_transaction
 from mpsnet_core.io.text_table import text_table
-from mpsnet_core.learning.evaluation.charts import Curve, line_chart
-from mpsnet_core.learning.evaluation.evaluation_result import Measured
+from mpsnet_core.learning.evaluation import Measured
 from mpsnet_core.learning.evaluation.operations import EvaluatePatchSizes
 from mpsnet_core.learning.evaluation.published import TABLE_1
-from mpsnet_core.learning.evaluation.report import open_report
+from mpsnet_core.learning.evaluation.report import Curve, line_chart, open_report
 from mpsnet_core.learning.training.loop import VALIDATION_SEED, TrainingPaths, train
 from mpsnet_core.learning.training.packed import PackedSamples
 from mpsnet_core.learning.training.photo_simulation import PhotoSimulator, views_of

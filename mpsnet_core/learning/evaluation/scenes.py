@@ -4,7 +4,6 @@ Jobs draw the seeds of their shapes below 2^62 (:func:`mpsnet_core.synthesis.ran
 job's seed. The seeds here are above that: no training data contains these shapes.
 """
 
-import os
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
@@ -12,10 +11,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mpsnet_core.arrays.types import F32, F64
 from mpsnet_core.capture.capture import Capture
 from mpsnet_core.errors import FileError, GeometryError
+from mpsnet_core.io.opening import AnyPath
 from mpsnet_core.learning.evaluation.diligent import PROTOCOLS
 from mpsnet_core.scene.camera import Camera
 from mpsnet_core.scene.rig import LightRig, published_rig
@@ -50,7 +50,7 @@ def published_view(
     shape: dict[str, Any],
     materials: tuple[Material, ...],
     size: int,
-    rotation: NDArray[np.float64] | None = None,
+    rotation: F64 | None = None,
     *,
     pattern: Pattern = NO_PATTERN,
     bounces: int = 0,
@@ -81,7 +81,7 @@ def ideal_photograph(sample: Sample, protocol: str, *, white: bool = False) -> C
     """
     weights = PROTOCOLS[protocol].astype(np.float32)
 
-    def channel(number: int, light: NDArray[np.float32]) -> NDArray[np.float32]:
+    def channel(number: int, light: F32) -> F32:
         # Not a matrix product, whose order of summation differs between machines.
         return np.asarray(sum(weights[number, j] * light[..., j] for j in range(3)))
 
@@ -116,23 +116,17 @@ class MeshView:
     ) -> SceneDescription:
         """Scene of the view: the mesh's z is up, and the camera looks slightly down. See :func:`published_view`."""
         standing = turn_about((1, 0, 0), ELEVATION - 90).T @ turn_about((0, 0, 1), self.turn).T
-        shape = {
-            "kind": "meshes",
-            "seed": HELD_OUT_SEED,
-            "pose": "upright",
-            "files": [self.file.name],
-            "deformed": False,
-        }
+        shape = {"kind": "meshes", "seed": HELD_OUT_SEED, "pose": "upright", "files": [self.file.name]}
+        shape["deformed"] = False
         return published_view(shape, materials, size, standing, pattern=pattern, bounces=bounces)
 
     def sample(self, recipe: SceneDescription, merl: str = "") -> Sample:
         """The recipe's sample. merl: path of measured materials. Raises InputError if the mesh is damaged."""
-        return synthesise(
-            recipe, load_mesh(str(self.file)), [load_reflectance(material, merl) for material in recipe.materials]
-        )
+        reflectances = [load_reflectance(material, merl) for material in recipe.materials]
+        return synthesise(recipe, load_mesh(str(self.file)), reflectances)
 
 
-def mesh_views(paths: Sequence[str | os.PathLike[str]], views: int) -> list[MeshView]:
+def mesh_views(paths: Sequence[AnyPath], views: int) -> list[MeshView]:
     """`views` views of each mesh. paths: mesh files, or folders of them.
 
     Raises FileError if a file is missing or a folder has no meshes.

@@ -7,6 +7,7 @@ from functools import lru_cache, partial
 import numpy as np
 from numpy.typing import NDArray
 
+from mpsnet_core.arrays.types import F32, F64, Bools
 from mpsnet_core.learning.evaluation.evaluation import Evaluation, table_of_measures
 from mpsnet_core.learning.evaluation.measure import Case, Result, Row
 from mpsnet_core.learning.evaluation.operations import EvaluateStatues
@@ -19,13 +20,7 @@ from mpsnet_core.synthesis.scene_description import Material
 MIN_INSIDE = 0.999
 
 
-def fine_relief(
-    estimate: NDArray[np.float32],
-    truth: NDArray[np.float32],
-    mask: NDArray[np.bool_],
-    lit: NDArray[np.bool_],
-    sigma: float,
-) -> float | None:
+def fine_relief(estimate: F32, truth: F32, mask: Bools, lit: Bools, sigma: float) -> float | None:
     """Regression coefficient of the estimate's detail on the true detail: 1 if all is kept, 0 if none is.
 
     estimate, truth: (H, W, 3) unit normals. mask, lit: (H, W) the object's pixels, and those that all lights reach.
@@ -39,9 +34,9 @@ def fine_relief(
     counted = lit & (_blurred(mask[..., None], sigma)[..., 0] > MIN_INSIDE)
     weight = np.maximum(_blurred(lit[..., None], sigma), 1e-6)
 
-    def detail(normals: NDArray[np.float32]) -> NDArray[np.float64]:
+    def detail(normals: F32) -> F64:
         across = np.where(lit[..., None], normals[..., :2], 0)
-        high: NDArray[np.float64] = across - _blurred(across, sigma) / weight
+        high: F64 = across - _blurred(across, sigma) / weight
         return high[counted]
 
     found, true = detail(estimate), detail(truth)
@@ -49,7 +44,7 @@ def fine_relief(
     return float((found * true).sum()) / size if size > 1e-9 else None
 
 
-def _blurred(values: NDArray[np.generic], sigma: float) -> NDArray[np.float64]:
+def _blurred(values: NDArray[np.generic], sigma: float) -> F64:
     """Values (H, W, C) convolved with a Gaussian, zero-padded."""
     height, width, _ = values.shape
     size = [side + int(np.ceil(4 * sigma)) for side in (height, width)]
@@ -115,13 +110,8 @@ class Statues(Evaluation):
 
 def _case(view: MeshView, slant: float, tilt: float, bounces: int, size: int) -> Case:
     sample = _sample(view, slant, tilt, bounces, size)
-    lit = sample.lit.min(axis=0) >= REACHED
-    return Case(
-        {**view.labels, "tilt": tilt},
-        ideal_photograph(sample, "separated"),
-        sample.normals,
-        {"lit_mae": lit, "elsewhere_mae": ~lit},
-    )
+    lit, photo = sample.lit.min(axis=0) >= REACHED, ideal_photograph(sample, "separated")
+    return Case({**view.labels, "tilt": tilt}, photo, sample.normals, {"lit_mae": lit, "elsewhere_mae": ~lit})
 
 
 @lru_cache(maxsize=1)

@@ -1,6 +1,5 @@
 """Checkpoints: everything a run needs to resume as if it had never stopped."""
 
-import os
 import warnings
 import zipfile
 from io import BytesIO
@@ -12,7 +11,7 @@ from torch import Tensor
 
 from mpsnet_core.errors import FormatError, InputError
 from mpsnet_core.io.files import atomic_write, existing_file
-from mpsnet_core.io.opening import DAMAGED
+from mpsnet_core.io.opening import DAMAGED, AnyPath
 from mpsnet_core.learning.training.recipe import TrainingConfig, recipe_from_data
 
 FORMAT = "mpsnet-checkpoint"
@@ -49,7 +48,7 @@ _TYPES: dict[str, Any] = {name: get_origin(kind) or kind for name, kind in get_t
 _TYPES |= {"recipe": dict, "continues": dict | None}
 
 
-def write_checkpoint(path: str | os.PathLike[str], checkpoint: Checkpoint) -> None:
+def write_checkpoint(path: AnyPath, checkpoint: Checkpoint) -> None:
     """Write the file atomically."""
     data = {**checkpoint._asdict(), "format": FORMAT, "recipe": checkpoint.recipe.to_json()}
     content = BytesIO()
@@ -58,7 +57,7 @@ def write_checkpoint(path: str | os.PathLike[str], checkpoint: Checkpoint) -> No
         unfinished.write_bytes(content.getbuffer())
 
 
-def read_checkpoint(path: str | os.PathLike[str]) -> Checkpoint:
+def read_checkpoint(path: AnyPath) -> Checkpoint:
     """Read a checkpoint without executing code in it. Raises InputError if it is missing, damaged or another file."""
     path = existing_file(path, "checkpoint")
     if path.stat().st_size > MAX_BYTES:
@@ -78,9 +77,7 @@ def read_checkpoint(path: str | os.PathLike[str]) -> Checkpoint:
         raise FormatError(f"checkpoint {path} is damaged, or is not a checkpoint of this program; resume from another")
     for name, kind in _TYPES.items():
         if not isinstance(data[name], kind):
-            raise FormatError(
-                f"checkpoint {path} is not a checkpoint of this program ({name} has another type); resume from another"
-            )
+            raise FormatError(f"checkpoint {path} is not of this program ({name} has another type); resume another")
     if isinstance(data["step"], bool) or not (0 <= data["step"] < MAX_STEPS and 0 <= data["seconds"] < MAX_STEPS):
         raise FormatError(f"checkpoint {path} is damaged: its steps or seconds are out of range; resume from another")
     try:

@@ -1,7 +1,6 @@
 """Export a trained network as an ONNX file with its card, if its outputs equal PyTorch's."""
 
 import json
-import os
 import platform
 import time
 import warnings
@@ -19,6 +18,7 @@ from mpsnet_core.errors import InputError, SettingsError
 from mpsnet_core.estimate.card import CARD_KEY, TRAINING_KEY, ModelCard
 from mpsnet_core.estimate.features import CONSTANTS, FEATURE_CHANNELS
 from mpsnet_core.io.files import atomic_write, writable_path
+from mpsnet_core.io.opening import AnyPath
 from mpsnet_core.learning.training.loop import Trained
 from mpsnet_core.learning.training.networks import Network
 
@@ -30,7 +30,7 @@ TOLERANCE = 1e-4
 RIGHT_ANGLE = float(np.pi / 2)
 
 
-def export_onnx(trained: Trained, path: str | os.PathLike[str]) -> None:
+def export_onnx(trained: Trained, path: AnyPath) -> None:
     """Write a network's ONNX file, with its card and training record.
 
     The file has opset 17, dynamic batch, height and width, and inferred shapes. Its outputs are "normals" and, if the
@@ -43,9 +43,7 @@ def export_onnx(trained: Trained, path: str | os.PathLike[str]) -> None:
     path = writable_path(path)
     for name, values in trained.network.state_dict().items():
         if not values.isfinite().all():
-            raise SettingsError(
-                f"weights of the network are not finite ({name}); train again with a lower learning rate"
-            )
+            raise SettingsError(f"weights of the network are not finite ({name}); train with a lower learning rate")
     network = trained.network.eval()
     model = onnx_of(network)
     model.metadata_props.add(key=CARD_KEY, value=card_of(network, trained.recipe.name).to_json())
@@ -135,9 +133,7 @@ def _check_equal_outputs(network: Network, model: onnx.ModelProto) -> None:
         for ours, theirs in zip(expected, found, strict=True):
             difference = float(np.abs(ours.numpy() - theirs).max())
             if not difference <= TOLERANCE:
-                raise InputError(
-                    f"the exported model differs from the trained one by {difference:.2g}; export it elsewhere"
-                )
+                raise InputError(f"the exported model differs from the trained by {difference:.2g}; export elsewhere")
 
 
 def _examples(network: Network, count: int, side: int) -> tuple[Tensor, ...]:

@@ -1,7 +1,6 @@
 """Fine-tuning: load the weights of an exported network into one that can be trained."""
 
 import json
-import os
 from dataclasses import dataclass
 from typing import Any
 
@@ -17,6 +16,7 @@ from torch.nn import functional
 from mpsnet_core.errors import FormatError
 from mpsnet_core.estimate.card import TRAINING_KEY
 from mpsnet_core.io.files import existing_file
+from mpsnet_core.io.opening import AnyPath
 from mpsnet_core.learning.training.inputs import Batch
 from mpsnet_core.learning.training.networks import Network
 
@@ -46,7 +46,7 @@ class Exported:
         return int(self.record["steps"])
 
 
-def read_exported(path: str | os.PathLike[str]) -> Exported:
+def read_exported(path: AnyPath) -> Exported:
     """Read an exported network. Raises InputError if it is missing, damaged, or not by :func:`export_onnx`."""
     path = existing_file(path, "model")
     refusal = f"model {path} is damaged or was not trained here; resume from another"
@@ -126,9 +126,7 @@ def load_exported_weights(network: Network, exported: Exported, inputs: tuple[Te
         if next(filters, None) is not None:
             raise ValueError
     except (ValueError, RuntimeError, StopIteration):
-        raise FormatError(
-            f"model {exported.path} is of another network than the recipe's; resume from another"
-        ) from None
+        raise FormatError(f"model {exported.path} is not of the recipe's network; resume from another") from None
     finally:
         for hook in hooks:
             hook.remove()

@@ -27,9 +27,8 @@ from mpsnet_core.learning.training.packed import PackedSamples
 from mpsnet_core.learning.training.photo_simulation import PhotoSimulator, Scale, views_of
 from mpsnet_core.learning.training.recipe import TrainingConfig, capture_model
 from mpsnet_core.learning.training.validation import Metrics, validate
-from mpsnet_core.progress import Progress, silent
+from mpsnet_core.progress import Progress, silent, uninterrupted
 from mpsnet_core.synthesis.job import JOB_FILE
-from mpsnet_core.uninterrupted import uninterrupted
 
 log = logging.getLogger(__name__)
 
@@ -193,9 +192,7 @@ def _check_paths(paths: TrainingPaths, anneal: int) -> None:
     if anneal or checkpoint is None or not checkpoint.exists() or paths.overwrite:
         return
     if resume is None or not resume.exists() or not checkpoint.samefile(resume):
-        raise FileError(
-            f"{checkpoint} is from an earlier run; continue it with --resume, or start again with --overwrite"
-        )
+        raise FileError(f"{checkpoint} is of an earlier run; continue it with --resume, or replace it with --overwrite")
 
 
 def _check_fit(recipe: TrainingConfig, network: Network) -> None:
@@ -203,10 +200,8 @@ def _check_fit(recipe: TrainingConfig, network: Network) -> None:
     if network.kind != "patch":
         least = 2 * network.multiple  # batch norm needs two pixels on the coarsest scale
         if recipe.crop < least or recipe.crop % network.multiple:
-            raise SettingsError(
-                f"network {recipe.network} cannot be trained on a crop of {recipe.crop}; "
-                f"choose a multiple of {network.multiple} from {least}"
-            )
+            wanted = f"choose a multiple of {network.multiple} from {least}"
+            raise SettingsError(f"{recipe.network} cannot be trained on a crop of {recipe.crop}; {wanted}")
         if recipe.patches:
             raise SettingsError(f"network {recipe.network} does not see patches; leave them out of the recipe")
     elif recipe.gradient_weight:
@@ -266,9 +261,7 @@ class _Run:
     def end(self, stop_after: int, paths: TrainingPaths) -> int:
         """The step to end at: the recipe's last one, or an earlier one."""
         if 0 < stop_after <= self.step:
-            raise SettingsError(
-                f"{paths.resume} has had {self.step} steps already, which --stop-after counts too; give it more"
-            )
+            raise SettingsError(f"{paths.resume} has had {self.step} steps, which --stop-after counts; give it more")
         return min(self.recipe.steps, stop_after or self.recipe.steps)
 
     def begin_anneal(self, steps: int, paths: TrainingPaths) -> int:
@@ -317,18 +310,13 @@ class _Run:
                     layer.eval()
         with autocast:
             # Convolutions with few channels are faster in this memory layout.
-            prediction = self.network(
-                *(values.contiguous(memory_format=torch.channels_last) for values in batch.inputs)
-            )
+            prediction = self.network(*(one.contiguous(memory_format=torch.channels_last) for one in batch.inputs))
         loss = loss_of(prediction, batch.truth, batch.weights, recipe.error_weight, recipe.gradient_weight, batch.lit)
         torch.autograd.backward(loss.total)
         gradients = nn.utils.clip_grad_norm_(self.network.parameters(), 1.0)
         for what, value in (("loss", loss.total), ("gradients", gradients)):
             if not torch.isfinite(value):
-                raise SettingsError(
-                    f"{what} of step {self.step} not finite; start again with a lower learning rate, or with "
-                    "--precision float32"
-                )
+                raise SettingsError(f"{what} of step {self.step} not finite; lower the learning rate or use float32")
         for optimiser in self.optimisers:
             optimiser.step()
         self.step += 1
@@ -367,33 +355,15 @@ class _Run:
         """Write the checkpoint, unless a step failed midway: half a step cannot be resumed."""
         if path is None or not self.whole:
             return
-        checkpoint = Checkpoint(
-            self.recipe,
-            self.step,
-            self.network.state_dict(),
-            self.mean_weights,
-            [optimiser.state_dict() for optimiser in self.optimisers],
-            self.seconds,
-            self.fingerprint,
-            self.precision,
-            self.continues,
-        )
-        write_checkpoint(path, checkpoint)
+        weights, states = self.network.state_dict(), [optimiser.state_dict() for optimiser in self.optimisers]
+        facts = self.seconds, self.fingerprint, self.precision, self.continues
+        write_checkpoint(path, Checkpoint(self.recipe, self.step, weights, self.mean_weights, states, *facts))
 
     def trained(self, metrics: Metrics | None) -> Trained:
         """The result of the run, with the metrics of the last validation."""
-        return Trained(
-            self.mean().cpu(),
-            self.recipe,
-            self.step,
-            self.seconds,
-            metrics,
-            len(self.simulator.samples),
-            self.fingerprint,
-            _hardware(self.device),
-            self.precision,
-            self.continues,
-        )
+        of_samples = len(self.simulator.samples), self.fingerprint
+        facts = *of_samples, _hardware(self.device), self.precision, self.continues
+        return Trained(self.mean().cpu(), self.recipe, self.step, self.seconds, metrics, *facts)
 
     def begin(self, path: Path | None) -> None:
         """Start from a checkpoint or an exported network, if one is given."""
@@ -412,9 +382,7 @@ class _Run:
         if found.samples != self.fingerprint:  # more samples were made, for example; only their order starts over
             log.warning("checkpoint %s was trained on other samples before", path)
         if found.precision != self.precision:
-            raise SettingsError(
-                f"checkpoint {path} began with --precision {found.precision}, not {self.precision}; resume with that"
-            )
+            raise SettingsError(f"checkpoint {path} began with --precision {found.precision}; resume with that")
         try:
             self.network.load_state_dict(found.weights)
             self.mean_weights = {name: value.to(self.device) for name, value in found.mean_weights.items()}
@@ -433,9 +401,7 @@ class _Run:
     def fine_tune(self, path: Path) -> None:
         exported = read_exported(path)
         if exported.step >= self.recipe.steps:
-            raise SettingsError(
-                f"model {path} has had {exported.step} steps already, the recipe has {self.recipe.steps}; give it more"
-            )
+            raise SettingsError(f"model {path} has had {exported.step} steps of {self.recipe.steps}; give more")
         self.network.eval()
         batch = self._batch(self.simulator.batch(0, NORM_EXAMPLES), 0)
         load_exported_weights(self.network, exported, batch.inputs)

@@ -20,9 +20,10 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from mpsnet_core.arrays.mask_regions import bounding_box
+from mpsnet_core.arrays.types import F64
 from mpsnet_core.errors import FileError, FormatError, NoObject
 from mpsnet_core.io.files import atomic_write, ensure_folder, existing_file, resolved, temporary_folder
-from mpsnet_core.io.opening import DAMAGED
+from mpsnet_core.io.opening import DAMAGED, AnyPath
 from mpsnet_core.progress import Progress, silent
 from mpsnet_core.synthesis.job import sample_path, samples_there
 from mpsnet_core.synthesis.sample import read_sample
@@ -43,7 +44,7 @@ class Packed(NamedTuple):
     """(H, W) bool. Where the object is."""
     lit: Tensor
     """(3, H, W) bool. Where at least half of a light arrives."""
-    directions: NDArray[np.float64]
+    directions: F64
     """(3, 3) float64. Unit vectors to the lights, one light per row."""
 
 
@@ -77,10 +78,10 @@ class PackedSamples:
 
     def __init__(
         self,
-        folders: Sequence[str | os.PathLike[str]],
+        folders: Sequence[AnyPath],
         progress: Progress = silent,
         *,
-        cache: str | os.PathLike[str] | None = None,
+        cache: AnyPath | None = None,
         skip_damaged: bool = False,
     ) -> None:
         self.names: list[str] = []

@@ -17,9 +17,9 @@ from numpy.typing import NDArray
 from torch import Tensor
 from torch.nn import functional
 
+from mpsnet_core.arrays.types import F32, F64, I64
 from mpsnet_core.capture.capture import Capture
-from mpsnet_core.estimate.features import MIN_MEAN
-from mpsnet_core.estimate.light_frame import CAMERA_FRAME, LightFrame, canonical_frames
+from mpsnet_core.estimate.features import CAMERA_FRAME, MIN_MEAN, LightFrame, canonical_frames
 from mpsnet_core.estimate.white_photo import WhitePhoto
 from mpsnet_core.learning.training.jpeg import jpeg_losses
 from mpsnet_core.learning.training.networks.network import Network, unit
@@ -53,7 +53,7 @@ class Scale(NamedTuple):
     """(N, 3, H, W). Whether each light reaches a pixel."""
     examples: Tensor
     """(N,). Which examples of the batch these are."""
-    places: NDArray[np.int64]
+    places: I64
     """(N, 2) int64. Upper left corner of each window in the window of the scale before, in that scale's pixels; it
     covers half of that window's side."""
 
@@ -64,7 +64,7 @@ class _Example:
 
     planes: Tensor
     """(10 or 13, H, W). The sample at its own resolution, zero outside the mask."""
-    directions: NDArray[np.float64]
+    directions: F64
     """(3, 3) float64. Unit vectors to the lights, one light per row."""
     draw: CaptureDraw
     """The photograph's numbers."""
@@ -72,7 +72,7 @@ class _Example:
     """Number of the last scale that it is seen on, from 0."""
     coarse: tuple[int, int]
     """Height and width of the object on the first scale."""
-    offset: NDArray[np.int64]
+    offset: I64
     """(2,) int64. Offset of the present window, in pixels of the present scale, from the object's own corner."""
     bicubic: bool
     """Whether the sample is resized bicubically."""
@@ -118,7 +118,7 @@ class PhotoSimulator:
         self.samples, self.model, self.seed, self.window = samples, model or CaptureModel(), seed, window
         self.finer, self.frames, self.shuffled = np.cumsum(finer) / np.sum(finer), frames, shuffled
         self.device = device or torch.device("cpu")
-        self._order: tuple[int, NDArray[np.int64]] = (-1, np.empty(0, np.int64))
+        self._order: tuple[int, I64] = (-1, np.empty(0, np.int64))
 
     def batch(self, step: int, size: int) -> list[Scale]:
         """The scales of step `step`'s examples, coarse to fine."""
@@ -167,7 +167,7 @@ def views_of(network: Network, augment: bool) -> dict[str, Any]:
     return {"finer": FINER_SHARES if network.kind == "pyramid" else (), "frames": frames}
 
 
-def simulate_photo(packed: Packed, draw: CaptureDraw) -> tuple[Capture, NDArray[np.float32]]:
+def simulate_photo(packed: Packed, draw: CaptureDraw) -> tuple[Capture, F32]:
     """Photograph a sample's own pixels in camera space, under three lights at once.
 
     Returns the capture, whose rig and mask have the draw's errors, and (H, W, 3) true normals, zero where unknown.
@@ -196,7 +196,7 @@ def simulate_photo(packed: Packed, draw: CaptureDraw) -> tuple[Capture, NDArray[
     return capture, whole(unit(planes[None, NORMALS])[0])
 
 
-def _near_frame(directions: NDArray[np.float64], rng: np.random.Generator) -> LightFrame:
+def _near_frame(directions: F64, rng: np.random.Generator) -> LightFrame:
     """Mostly one of the two nearest, which single passes use; else any, for averages of more passes."""
     frames = canonical_frames(directions)
     return frames[int(rng.integers(2 if rng.random() < NEAREST_SHARE else len(frames)))]
@@ -344,7 +344,7 @@ def _window(example: _Example, level: int, window: int) -> Tensor:
     return found
 
 
-def _zoom(example: _Example, mask: Tensor, window: int, rng: np.random.Generator) -> NDArray[np.int64]:
+def _zoom(example: _Example, mask: Tensor, window: int, rng: np.random.Generator) -> I64:
     """Choose the next window, about a pixel of the object, and move the example there."""
     places = torch.nonzero(mask).cpu().numpy()
     middle = places[rng.integers(len(places))] if len(places) else np.full(2, window // 2)
@@ -395,7 +395,7 @@ def _photos(draw: CaptureDraw) -> tuple[slice, ...]:
     return (PHOTO, WHITE) if draw.white else (PHOTO,)
 
 
-def _weights(mixing: NDArray[np.float64], colours: NDArray[np.float64]) -> Tensor:
+def _weights(mixing: F64, colours: F64) -> Tensor:
     """(3, 3, 3) responses of a photo's channels to each light's red, green and blue."""
     return torch.tensor(np.einsum("ik,ij->ikj", mixing, colours), dtype=torch.float32)
 
@@ -466,12 +466,10 @@ def _normalise_by_white_photo(
     if fit is None:
         return light
     gains, lower_limits, unmixing_before, unmixing_after, mean_factors = (
-        torch.tensor(values, dtype=torch.float32, device=photo.device)
-        for values in (fit.gains, fit.lower_limits, fit.unmixing_before, fit.unmixing_after, fit.mean_factors)
+        torch.tensor(values, dtype=torch.float32, device=photo.device) for values in fit[:5]
     )
-    albedo = (
-        torch.maximum(torch.tensordot(unmixing_before, white, 1), lower_limits[:, None, None]) / gains[:, None, None]
-    )
+    albedo = torch.maximum(torch.tensordot(unmixing_before, white, 1), lower_limits[:, None, None])
+    albedo /= gains[:, None, None]
     factors = torch.where(valid, albedo.mean(dim=0) / albedo, mean_factors[:, None, None])
     return torch.tensordot(unmixing_after, torch.tensordot(unmixing_before, photo, 1) * factors, 1)
 

@@ -10,6 +10,7 @@ from typing import Any
 
 from mpsnet_core.errors import FormatError, InputError, SettingsError, check_choice
 from mpsnet_core.io.files import existing_file
+from mpsnet_core.io.opening import AnyPath
 from mpsnet_core.synthesis.capture_model import CaptureModel, limited, limits_of
 
 RECIPES = Path(__file__).parent / "recipes"
@@ -92,18 +93,12 @@ class TrainingConfig:
             if not _within(value, low, high):
                 raise SettingsError(f"the recipe's {name} must be from {low:g} to {high:g}, not {reprlib.repr(value)}")
         if self.warm_up + self.decay > self.steps:
-            raise SettingsError(
-                f"the recipe's warm_up and decay take {self.warm_up + self.decay} steps of {self.steps}; give it more"
-            )
+            raise SettingsError(f"the recipe's warm_up and decay are longer than its {self.steps} steps; give it more")
 
     def to_json(self) -> dict[str, Any]:
         """The recipe as plain data, for :func:`recipe_from_data`."""
-        return {
-            **asdict(self),
-            "options": dict(self.options),
-            "capture": dict(self.capture),
-            "samples": list(self.samples),
-        }
+        tables = {"options": dict(self.options), "capture": dict(self.capture)}
+        return {**asdict(self), **tables, "samples": list(self.samples)}
 
 
 def capture_model(changes: Any) -> CaptureModel:
@@ -120,9 +115,7 @@ def capture_model(changes: Any) -> CaptureModel:
         entries = value if isinstance(default, tuple) else [value]
         if not isinstance(entries, list | tuple) or not all(_within(entry, low, high) for entry in entries):
             wanted = f"numbers like {list(default)}" if isinstance(default, tuple) else f"a number like {default}"
-            raise SettingsError(
-                f"the recipe's capture needs {wanted} as {name}, from {low:g} to {high:g}, not {reprlib.repr(value)}"
-            )
+            raise SettingsError(f"capture needs {wanted} as {name}, of {low:g} to {high:g}, not {reprlib.repr(value)}")
         if name == "bits" and not entries:
             raise SettingsError("the recipe's capture has no bits; name at least one")
         if name != "bits" and isinstance(default, tuple) and (len(entries) != 2 or entries[0] > entries[1]):
@@ -141,7 +134,7 @@ def recipe_names() -> list[str]:
     return sorted(file.stem for file in RECIPES.glob("*.toml"))
 
 
-def read_recipe(name: str | os.PathLike[str]) -> TrainingConfig:
+def read_recipe(name: AnyPath) -> TrainingConfig:
     """A recipe by its name, or from a TOML file. Raises InputError where there is none or it is malformed."""
     name = os.fspath(name)
     path = RECIPES / f"{name}.toml" if name in recipe_names() else Path(name)

@@ -4,9 +4,9 @@ from typing import NamedTuple
 
 import numpy as np
 import torch
-from numpy.typing import NDArray
 
 from mpsnet_core.arrays.statistics import rank_correlation
+from mpsnet_core.arrays.types import F32
 from mpsnet_core.learning.training.inputs import Batch, concatenate_scales, inputs_with_previous_scale, sample_patches
 from mpsnet_core.learning.training.loss import angle_between
 from mpsnet_core.learning.training.networks import Network, Prediction
@@ -58,7 +58,7 @@ def validate(network: Network, simulator: PhotoSimulator, patches_a_picture: int
     return Metrics(float(error.mean()), float(error.max()), rank)
 
 
-def _errors(prediction: Prediction, batch: Batch) -> tuple[NDArray[np.float32], NDArray[np.float32] | None]:
+def _errors(prediction: Prediction, batch: Batch) -> tuple[F32, F32 | None]:
     counted = batch.weights > 0
     error = torch.rad2deg(angle_between(prediction.normals, batch.truth))[counted].float().cpu().numpy()
     if prediction.expected_error is None:

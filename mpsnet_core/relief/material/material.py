@@ -14,15 +14,7 @@ from mpsnet_core.progress import Progress, silent
 from mpsnet_core.relief.curvature import curvature
 from mpsnet_core.relief.height_map import check_size
 from mpsnet_core.relief.material import flatten
-from mpsnet_core.relief.material.tiling import (
-    MIN_JOINED,
-    Seam,
-    Tiling,
-    find_tiling,
-    make_seamless,
-    measure_seam,
-    sampled,
-)
+from mpsnet_core.relief.material.tiling import MIN_JOINED, Seam, Tiling, find_tiling, measure_seam, sampled, seamless
 from mpsnet_core.scene.camera import Camera
 from mpsnet_core.scene.normal_map import NormalMap
 
@@ -112,7 +104,7 @@ def flat_material(
     _check_overlap(min(joined), overlap)
     progress(0.5, "joining the borders")
     features = sampled(features, tiling, tile, joined)  # frees those of the whole photo, which are large
-    features, cut = make_seamless(features, joined)
+    features, cut = seamless(features, joined)
     progress(0.7, "integrating the height")
     return _material(flatten.remove_low_frequencies(features, bend), cut, tiling, tilt, pixel_mm)
 

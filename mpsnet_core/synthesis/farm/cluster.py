@@ -125,18 +125,14 @@ def _client(address: str) -> Iterator[Client]:
                 client = Client(address, timeout=CONNECT_SECONDS, set_as_default=False, security=security)
             except Exception as error:  # noqa: BLE001 - bytes that are not from a scheduler can cause any exception
                 reason = " ".join(str(error).split()) or type(error).__name__
-                raise InputError(
-                    f"no Dask scheduler answers at {address} ({reason}); give an address like tcp://host:8786"
-                ) from None
+                raise InputError(f"no Dask scheduler at {address} ({reason}); give one like tcp://host:8786") from None
         with client:
             versions: Any = client.get_versions()
             ours = versions["client"]["packages"]["distributed"]
             for where, facts in {"scheduler": versions["scheduler"], **versions["workers"]}.items():
                 theirs = facts["packages"]["distributed"]
                 if theirs != ours:
-                    raise InputError(
-                        f"the cluster's {where} has Dask's distributed {theirs}, this machine {ours}; install the same"
-                    )
+                    raise InputError(f"{where} has distributed {theirs}, this machine {ours}; install the same")
             yield client
     finally:
         for log, level in zip(logs, levels, strict=True):
@@ -180,10 +176,7 @@ class _SampleWorkers(WorkerPlugin):
             raise InputError(f"the cluster's worker {where} has mpsnet {__version__}, not {self.version}; update it")
         job = Path(self.folder) / JOB_FILE
         if not job.is_file():
-            raise FileError(
-                f"the cluster's worker {where} does not see {job}; choose a folder that all its machines reach by the "
-                "same path"
-            )
+            raise FileError(f"the cluster's worker {where} does not see {job}; choose a folder that all machines reach")
         worker = Worker(self.command, self.folder, seconds=read_job(self.folder).sample_seconds)
         self.running.add(worker)
         try:

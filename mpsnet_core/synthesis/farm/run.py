@@ -2,7 +2,6 @@
 
 import itertools
 import logging
-import os
 import shutil
 import threading
 import time
@@ -17,6 +16,7 @@ from mpsnet_core.errors import InputError, SettingsError
 from mpsnet_core.io.claims import Claims
 from mpsnet_core.io.files import check_no_link, resolved, writable_path
 from mpsnet_core.io.image_writing import is_complete_image, write_picture
+from mpsnet_core.io.opening import AnyPath
 from mpsnet_core.io.provenance import is_up_to_date
 from mpsnet_core.progress import Progress, silent
 from mpsnet_core.synthesis.contact_sheet import sheet_line, sheet_of_samples
@@ -62,16 +62,15 @@ def blender_command(blender: str = "", addon: str = "") -> tuple[str, ...]:
     """
     if blender:
         found = shutil.which(blender)
-        if (
-            found and Path(blender).name == blender and Path(found).resolve().parent == Path.cwd()
-        ):  # Windows searches the current folder
+        here = found and Path(blender).name == blender and Path(found).resolve().parent == Path.cwd()
+        if here:  # Windows searches the current folder
             raise SettingsError(f"{blender} is in this folder, which may hold files of others; give its path in full")
         return blender, "-b", *(("--addons", addon) if addon else ()), "--command", "mpsnet", "work"
     return THIS_PYTHON, "-m", "blender_addon", "work"
 
 
 def make_samples(
-    folder: str | os.PathLike[str],
+    folder: AnyPath,
     job: SampleJob,
     command: Sequence[str] = SYNTHESIS_COMMAND,
     *,
@@ -161,12 +160,8 @@ def _results_from_processes(
 
     with ThreadPoolExecutor(processes, initializer=lambda: setattr(own, "worker", spare.pop())) as pool:
         try:
-            yield from gathered(
-                lambda batch: pool.submit(make, batch),
-                [tuple(batch) for _, batch in batches],
-                lambda task, _: task.result(),
-                {},
-            )
+            tasks = [tuple(batch) for _, batch in batches]
+            yield from gathered(lambda batch: pool.submit(make, batch), tasks, lambda task, _: task.result(), {})
             list(pool.map(Worker.close, workers))
         finally:
             pool.shutdown(wait=False, cancel_futures=True)
@@ -192,10 +187,7 @@ class _Tally:
             self.outcome.failed[result.number] = result.error
             self._failures_in_a_row += 1
             if self._failures_in_a_row == FAILURES_IN_A_ROW:
-                raise InputError(
-                    f"stopped after {FAILURES_IN_A_ROW} samples in a row that could not be made; "
-                    f"sample {result.number}: {result.error}"
-                )
+                raise InputError(f"{FAILURES_IN_A_ROW} samples in a row failed; sample {result.number}: {result.error}")
             return
         self._failures_in_a_row = 0
         if result.state == "made":

@@ -14,7 +14,6 @@ ends with the process, and :func:`clear_unfinished` removes the unfinished file.
 """
 
 import contextlib
-import os
 import queue
 import sys
 import threading
@@ -30,6 +29,7 @@ from mpsnet_core.io.child_process import ChildEnded, ChildProcess, Parent, Paren
 from mpsnet_core.io.claims import Claims
 from mpsnet_core.io.files import check_no_link, remove_abandoned
 from mpsnet_core.io.image_writing import is_complete_image
+from mpsnet_core.io.opening import AnyPath
 from mpsnet_core.synthesis.job import SampleJob, read_job, sample_number, sample_path
 
 # Placeholder in a worker's command for the Python that starts it, whose path differs between machines.
@@ -104,7 +104,7 @@ def gathered(
 # --- from within ------------------------------------------------------------------------------------------------------
 
 
-def serve(folder: str | os.PathLike[str], make: Callable[[SampleJob, int, Path], None]) -> None:
+def serve(folder: AnyPath, make: Callable[[SampleJob, int, Path], None]) -> None:
     """Make samples of the job in `folder` on request, until the input ends or nobody reads the answers.
 
     Redirects stdout to stderr for all other code: the real stdout is for answers only.
@@ -150,7 +150,7 @@ def _made(job: SampleJob, number: int, path: Path, make: Callable[[SampleJob, in
     return SampleResult(number, "made")
 
 
-def clear_unfinished(folder: str | os.PathLike[str]) -> None:
+def clear_unfinished(folder: AnyPath) -> None:
     """Remove the unfinished files of killed processes from `folder`, but none that another process is writing."""
     remove_abandoned(folder)
     # Files may be from another host. A process that writes a sample, on any host, holds its claim.
@@ -175,9 +175,7 @@ class Worker:
     sample.
     """
 
-    def __init__(
-        self, command: Sequence[str], folder: str | os.PathLike[str], threads: int = 1, *, seconds: float
-    ) -> None:
+    def __init__(self, command: Sequence[str], folder: AnyPath, threads: int = 1, *, seconds: float) -> None:
         self._command = [sys.executable if part == THIS_PYTHON else part for part in command]
         self._folder, self._threads, self._seconds = Path(folder), threads, seconds
         self._child: ChildProcess | None = None

@@ -2,14 +2,13 @@
 
 from functools import lru_cache
 from pathlib import Path
-from typing import Any, Literal, Protocol
+from typing import Literal, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mpsnet_core.arrays.types import F32, Floats
 from mpsnet_core.errors import FileError, FormatError, SettingsError
-from mpsnet_core.synthesis.reflectance.fits import MerlFit, read_fits
-from mpsnet_core.synthesis.reflectance.merl import MerlTable, read_merl
+from mpsnet_core.synthesis.reflectance.measured import MerlFit, MerlTable, read_fits, read_merl
 from mpsnet_core.synthesis.reflectance.principled import PrincipledBsdf
 from mpsnet_core.synthesis.scene_description import Colour, Material
 
@@ -36,13 +35,7 @@ class Reflectance(Protocol):
         below the surface.
     """
 
-    def __call__(
-        self,
-        normals: NDArray[np.floating[Any]],
-        lights: NDArray[np.floating[Any]],
-        views: NDArray[np.floating[Any]],
-        paint: NDArray[np.floating[Any]] | None = None,
-    ) -> NDArray[np.float32]: ...
+    def __call__(self, normals: Floats, lights: Floats, views: Floats, paint: Floats | None = None) -> F32: ...
 
 
 def load_reflectance(material: Material, merl: str = "") -> Reflectance:

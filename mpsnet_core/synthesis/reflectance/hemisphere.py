@@ -1,18 +1,15 @@
 """Evaluate a reflectance for pairs of directions above the surface, in blocks."""
 
 from abc import ABC, abstractmethod
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mpsnet_core.arrays.row_bands import bands
+from mpsnet_core.arrays.types import F32, Floats
 from mpsnet_core.arrays.unit_vectors import dot
 
 
-def rusinkiewicz_angles(
-    normals: NDArray[np.floating[Any]], lights: NDArray[np.floating[Any]], views: NDArray[np.floating[Any]]
-) -> tuple[NDArray[np.floating[Any]], NDArray[np.floating[Any]], NDArray[np.floating[Any]]]:
+def rusinkiewicz_angles(normals: Floats, lights: Floats, views: Floats) -> tuple[Floats, Floats, Floats]:
     """Half angle, difference angle and difference azimuth, (N,) radians each, of unit vectors (N, 3).
 
     theta_half: 0 to pi/2, between the normal and the half vector. theta_difference: 0 to pi/2, between the half vector
@@ -36,19 +33,11 @@ def rusinkiewicz_angles(
 # Points processed at a time: their data stays in a core's cache, which is twice as fast.
 BLOCK = 1 << 14
 
-Floats = NDArray[np.float32]
-
 
 class AboveSurface(ABC):
     """A ``Reflectance`` that is 0 unless light and viewer are above the surface."""
 
-    def __call__(
-        self,
-        normals: NDArray[np.floating[Any]],
-        lights: NDArray[np.floating[Any]],
-        views: NDArray[np.floating[Any]],
-        paint: NDArray[np.floating[Any]] | None = None,
-    ) -> NDArray[np.float32]:
+    def __call__(self, normals: Floats, lights: Floats, views: Floats, paint: Floats | None = None) -> F32:
         """(N, 3) reflectance where light and viewer are both above the surface, and 0 elsewhere.
 
         normals, lights, views, paint: (N, 3). Zero or NaN vectors count as below the surface.
@@ -66,5 +55,5 @@ class AboveSurface(ABC):
         return result
 
     @abstractmethod
-    def _evaluate(self, normals: Floats, lights: Floats, views: Floats, paint: Floats | None) -> Floats:
+    def _evaluate(self, normals: F32, lights: F32, views: F32, paint: F32 | None) -> F32:
         """(n, 3) reflectance of a block of points (n, 3), all above the surface."""

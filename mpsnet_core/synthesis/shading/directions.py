@@ -9,11 +9,13 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-Floats = TypeVar("Floats", np.float32, np.float64)
+from mpsnet_core.arrays.types import F64, I64
+
+Kind = TypeVar("Kind", np.float32, np.float64)
 GOLDEN_RATIO = (np.sqrt(5) - 1) / 2
 
 
-def frames(axes: NDArray[Floats]) -> tuple[NDArray[Floats], NDArray[Floats]]:
+def frames(axes: NDArray[Kind]) -> tuple[NDArray[Kind], NDArray[Kind]]:
     """Two unit vectors (N, 3) each that complete the unit `axes` (N, 3) to orthonormal frames (Duff et al. 2017)."""
     x, y, z = axes.T
     sign = np.copysign(axes.dtype.type(1), z)
@@ -23,7 +25,7 @@ def frames(axes: NDArray[Floats]) -> tuple[NDArray[Floats], NDArray[Floats]]:
     return first, np.stack([b, sign + y * y * a, -y], axis=1)
 
 
-def disc(count: int, turns: int = 1) -> NDArray[np.float64]:
+def disc(count: int, turns: int = 1) -> F64:
     """(turns, count, 2) evenly spread points on the unit disc, by Vogel's sunflower spiral (1979).
 
     The `turns` rotated sets fill each other's gaps.
@@ -34,7 +36,7 @@ def disc(count: int, turns: int = 1) -> NDArray[np.float64]:
     return np.stack([radius * np.cos(angle), radius * np.sin(angle)], axis=-1)
 
 
-def tiled(side: int, shape: tuple[int, int]) -> NDArray[np.int64]:
+def tiled(side: int, shape: tuple[int, int]) -> I64:
     """(H, W) tiled Bayer matrix: numbers 0 to side² - 1, far apart for neighbours. side: of a tile, a power of 2."""
     matrix = np.zeros((1, 1), np.int64)
     while len(matrix) < side:

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from mpsnet_core.arrays.mask_regions import dilated
 from mpsnet_core.arrays.row_bands import bands
+from mpsnet_core.arrays.types import F32, F64, I64
 from mpsnet_core.scene.rays import RayScene
 from mpsnet_core.synthesis.shading.directions import disc, frames, tiled
 from mpsnet_core.synthesis.shading.surface_points import SurfacePoints
@@ -26,7 +27,7 @@ _BLOCK = 1 << 12
 class Light:
     """A distant white light of irradiance pi."""
 
-    direction: NDArray[np.float64]
+    direction: F64
     """(3,) float64. Unit vector from the origin to its centre."""
     size: float
     """Angular diameter in degrees."""
@@ -37,11 +38,11 @@ class Light:
         return float(np.tan(np.radians(self.size / 2)))
 
     @property
-    def axes(self) -> NDArray[np.float64]:
+    def axes(self) -> F64:
         """(2, 3) two orthogonal unit vectors in the plane of the disc."""
         return np.concatenate(frames(self.direction[None]))
 
-    def towards(self, places: NDArray[np.float64]) -> NDArray[np.float32]:
+    def towards(self, places: F64) -> F32:
         """(..., 3) vectors to positions (..., 2) on the light, whose rim is the unit circle. Not normalised: their mean
         is the light's direction."""
         return (self.direction + self.radius * places @ self.axes).astype(np.float32)
@@ -51,9 +52,9 @@ class Light:
 class Illumination:
     """Light that arrives at N points."""
 
-    irradiance: NDArray[np.float32]
+    irradiance: F32
     """(N,) float32. 1 on an unoccluded surface facing the light."""
-    lit: NDArray[np.float32]
+    lit: F32
     """(N,) float32. Visible share of the light's disc above the horizon of the shading normal."""
 
 
@@ -61,7 +62,7 @@ def illumination(
     light: Light,
     points: SurfacePoints,
     scene: RayScene,
-    pixels: NDArray[np.int64],
+    pixels: I64,
     shape: tuple[int, int],
     turns: NDArray[np.integer[Any]],
 ) -> Illumination:
@@ -100,10 +101,10 @@ def _cast_many(
     light: Light,
     points: SurfacePoints,
     scene: RayScene,
-    chosen: NDArray[np.int64],
+    chosen: I64,
     turns: NDArray[np.integer[Any]],
-    irradiance: NDArray[np.float32],
-    lit: NDArray[np.float32],
+    irradiance: F32,
+    lit: F32,
 ) -> None:
     """Compute the light at the chosen points by rays to many positions on the light; fewer if the first ones agree."""
     places = disc(PENUMBRA_RAYS, TURNS)
@@ -122,13 +123,13 @@ def _cast_many(
 
 
 def _cast(
-    towards: NDArray[np.float32],
+    towards: F32,
     points: SurfacePoints,
     scene: RayScene,
-    chosen: NDArray[np.int64],
+    chosen: I64,
     turns: NDArray[np.integer[Any]],
-    irradiance: NDArray[np.float32],
-    lit: NDArray[np.float32],
+    irradiance: F32,
+    lit: F32,
 ) -> None:
     """Cast rays along `towards` (TURNS, K, 3), and add their irradiance and visibility to the chosen points.
 
@@ -137,7 +138,7 @@ def _cast(
     turn = turns[chosen]
     x, y, z = (table[turn] for table in np.moveaxis(towards, 2, 0))
 
-    def cosines(normals: NDArray[np.float32]) -> NDArray[np.float32]:
+    def cosines(normals: F32) -> F32:
         a, b, c = normals.take(chosen, axis=0).T[..., None]
         return a * x + b * y + c * z
 

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from mpsnet_core.arrays.types import F32, I32, Floats
 from mpsnet_core.arrays.unit_vectors import normalised
 from mpsnet_core.synthesis.noise import Points, fractal_noise, gradient_noise, voronoi
 from mpsnet_core.synthesis.scene_description import Bump, Dirt, Paint, Pattern
@@ -22,7 +23,7 @@ DIRT_EDGE = 0.15  # half the width of dirt's soft edges, in units of its noise
 BUMP_STEP = 0.01  # step of the finite differences, as a share of a bump's length
 
 
-def material_weights(pattern: Pattern, count: int, points: Points, parts: NDArray[np.int32]) -> NDArray[np.float32]:
+def material_weights(pattern: Pattern, count: int, points: Points, parts: I32) -> F32:
     """(N, count) weights of the materials at points (N, 3) in object space on parts (N,); rows sum to 1."""
     weights = np.zeros((len(points), count), np.float32)
     if count == 1:
@@ -41,8 +42,8 @@ def material_weights(pattern: Pattern, count: int, points: Points, parts: NDArra
 
 
 def _zones(
-    pattern: Pattern, count: int, points: Points, parts: NDArray[np.int32]
-) -> tuple[NDArray[np.integer[Any]], NDArray[np.integer[Any]], NDArray[np.floating[Any]]]:
+    pattern: Pattern, count: int, points: Points, parts: I32
+) -> tuple[NDArray[np.integer[Any]], NDArray[np.integer[Any]], Floats]:
     """(N,) material of each point, material beyond the nearest border, and distance to the border in zone widths."""
     if pattern.kind == "parts":
         own = parts % count
@@ -66,7 +67,7 @@ def _zones(
     return whole % count, beside % count, np.minimum(fraction, 1 - fraction)
 
 
-def paint_factors(paint: Paint, points: Points) -> NDArray[np.float32] | None:
+def paint_factors(paint: Paint, points: Points) -> F32 | None:
     """(N, 3) factors above 0 of the materials' colours at points (N, 3) in object space; None without paint."""
     if not paint.amount:
         return None
@@ -78,18 +79,17 @@ def paint_factors(paint: Paint, points: Points) -> NDArray[np.float32] | None:
     return np.broadcast_to(np.maximum(factors, np.float32(DARKEST_PAINT)), (len(points), 3))
 
 
-def dirt_weight(dirt: Dirt, points: Points) -> NDArray[np.float32] | None:
+def dirt_weight(dirt: Dirt, points: Points) -> F32 | None:
     """(N,) opacity of dirt at points (N, 3) in object space; None without dirt."""
     if not dirt.amount:
         return None
     level = fractal_noise(points * dirt.scale, dirt.seed, DIRT_OCTAVES)
     edge = NOISE.inv_cdf(1 - min(dirt.amount, 0.999))
     share = np.clip((level - np.float32(edge - DIRT_EDGE)) / np.float32(2 * DIRT_EDGE), 0, 1)
-    smooth: NDArray[np.float32] = share * share * (3 - 2 * share)
-    return smooth
+    return share * share * (3 - 2 * share)
 
 
-def bumped(bump: Bump, points: Points, normals: NDArray[np.float32]) -> NDArray[np.float32]:
+def bumped(bump: Bump, points: Points, normals: F32) -> F32:
     """Unit `normals` (N, 3), perturbed by the bump at points (N, 3), both in object space.
 
     The normal of a surface displaced by a height h is n - grad h, with the gradient along the surface (Blinn 1978).

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from mpsnet_core.arrays.types import F32, I32, I64
 from mpsnet_core.arrays.unit_vectors import dot, normalised
 from mpsnet_core.scene.camera import Camera
 from mpsnet_core.scene.rays import Hits, RayScene, lift_to_curve
@@ -23,19 +24,19 @@ MIN_FACING = np.float32(0.01)
 class SurfacePoints:
     """N points of the surface, in world space unless stated otherwise."""
 
-    position: NDArray[np.float32]
+    position: F32
     """(N, 3) float32. Position on the surface."""
-    start: NDArray[np.float32]
+    start: F32
     """(N, 3) float32. Origin of rays, just above the surface."""
-    smooth: NDArray[np.float32]
+    smooth: F32
     """(N, 3) float32. Unit normals interpolated from the corners."""
-    normal: NDArray[np.float32]
+    normal: F32
     """(N, 3) float32. Unit normals with bump, facing the viewer."""
-    view: NDArray[np.float32]
+    view: F32
     """(N, 3) float32. Unit vectors to the viewer."""
-    place: NDArray[np.float32]
+    place: F32
     """(N, 3) float32. Position in object space."""
-    part: NDArray[np.int32]
+    part: I32
     """(N,) int32. The part of the shape that each point belongs to."""
 
     def __len__(self) -> int:
@@ -58,7 +59,7 @@ class Surface:
         self.triangles, self.parts = np.ascontiguousarray(shape.triangles.T), shape.parts
         self.normals = np.ascontiguousarray(shape.corner_normals.swapaxes(0, 1))
 
-    def seen(self, camera: Camera) -> tuple[NDArray[np.int64], NDArray[np.float32], SurfacePoints]:
+    def seen(self, camera: Camera) -> tuple[I64, F32, SurfacePoints]:
         """Visible surface at pixel centres: indices (N,) in row-major order, depth (N,) along the axis, and points."""
         rows, columns = camera.extent(self.placed)
         row, column = np.mgrid[rows, columns].reshape(2, -1)
@@ -69,7 +70,7 @@ class Surface:
         depth = (hits.distance[found] - np.float32(back)) * (view @ camera.rotation[:, 2].astype(np.float32))
         return row[found] * camera.width + column[found], depth, self.points(hits.subset(found), view)
 
-    def points(self, hits: Hits, view: NDArray[np.float32], bump: bool = True) -> SurfacePoints:
+    def points(self, hits: Hits, view: F32, bump: bool = True) -> SurfacePoints:
         """The points at hits, without misses. view: (N, 3) unit vectors back along the rays."""
         weights = (1 - hits.u - hits.v)[:, None], hits.u[:, None], hits.v[:, None]
         # Here and below: `take` is four times as fast as indexing.
@@ -82,23 +83,10 @@ class Surface:
         lift_to_curve(lift, place, weights, corners, normals)
         normal = bumped(self.bump, place, smooth) @ self.turn if bump else smooth @ self.turn
         position = place @ self.turn
-        return SurfacePoints(
-            position,
-            position + lift @ self.turn,
-            smooth @ self.turn,
-            _facing(normal, view),
-            view,
-            place,
-            self.parts[hits.triangle],
-        )
+        start, smooth, normal = position + lift @ self.turn, smooth @ self.turn, _facing(normal, view)
+        return SurfacePoints(position, start, smooth, normal, view, place, self.parts[hits.triangle])
 
-    def _face(
-        self,
-        smooth: NDArray[np.float32],
-        normals: list[NDArray[np.float32]],
-        corners: list[NDArray[np.float32]],
-        view: NDArray[np.float32],
-    ) -> None:
+    def _face(self, smooth: F32, normals: list[F32], corners: list[F32], view: F32) -> None:
         """Flip normals in place where the surface is seen from behind."""
         away = np.flatnonzero(dot(smooth, view) < 0)
         first, second, third = (corner[away] for corner in corners)
@@ -107,12 +95,12 @@ class Surface:
             vectors[back] *= -1
 
 
-def _blend(weights: tuple[NDArray[np.float32], ...], values: list[NDArray[np.float32]]) -> NDArray[np.float32]:
+def _blend(weights: tuple[F32, ...], values: list[F32]) -> F32:
     a, b, c = (weight * value for weight, value in zip(weights, values, strict=True))
     return a + b + c
 
 
-def _facing(normals: NDArray[np.float32], view: NDArray[np.float32]) -> NDArray[np.float32]:
+def _facing(normals: F32, view: F32) -> F32:
     """Unit normals, bent towards the viewer if they face away."""
     cosine = dot(normals, view)
     away = np.flatnonzero(cosine < MIN_FACING)

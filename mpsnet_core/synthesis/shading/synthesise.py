@@ -7,13 +7,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from mpsnet_core.arrays.types import F32, I64
 from mpsnet_core.arrays.unit_vectors import normalised
 from mpsnet_core.synthesis.random_sampling import generator
 from mpsnet_core.synthesis.reflectance import Reflectance
 from mpsnet_core.synthesis.sample import Sample
 from mpsnet_core.synthesis.scene_description import SceneDescription
-from mpsnet_core.synthesis.shading.bounce import STRIDE, indirect
-from mpsnet_core.synthesis.shading.gloss import Lobe, lobe, reflect_light
+from mpsnet_core.synthesis.shading.indirect import STRIDE, Lobe, indirect, lobe, reflect_light
 from mpsnet_core.synthesis.shading.lights import TURNS, Light, illumination
 from mpsnet_core.synthesis.shading.pattern import dirt_weight, material_weights, paint_factors
 from mpsnet_core.synthesis.shading.surface_points import Surface, SurfacePoints
@@ -26,16 +26,16 @@ RENDERER = "synthesis"
 class _Colouring:
     """The K materials of N points."""
 
-    weights: NDArray[np.float32]
+    weights: F32
     """(N, K) float32. Weights of the materials."""
-    paint: NDArray[np.float32] | None
+    paint: F32 | None
     """(N, 3) float32. Factors of the materials' colours, or None."""
-    dirt: NDArray[np.float32] | None
+    dirt: F32 | None
     """(N,) float32. Opacity of a matt layer over the materials, or None."""
 
-    def albedo(self, recipe: SceneDescription, lobes: Sequence[Lobe]) -> NDArray[np.float32]:
+    def albedo(self, recipe: SceneDescription, lobes: Sequence[Lobe]) -> F32:
         """(N, 3) diffuse albedo of the points, as if they were matt."""
-        colour: NDArray[np.float32] = self.weights @ np.array([lobe.albedo for lobe in lobes])
+        colour: F32 = self.weights @ np.array([lobe.albedo for lobe in lobes])
         if self.paint is not None:
             colour = colour * self.paint
         if self.dirt is not None:
@@ -65,42 +65,30 @@ def synthesise(
 
     colouring = _colouring(recipe, points)
     arrivals = [illumination(light, points, surface.scene, pixels, grid, turns) for light in lights]
-    radiance = np.stack(
-        [
-            _direct(recipe, reflectances, lobes, light, points, colouring, arrived.irradiance, turns)
-            for light, arrived in zip(lights, arrivals, strict=True)
-        ],
-        axis=1,
-    )
+    direct = [
+        _direct(recipe, reflectances, lobes, light, points, colouring, arrived.irradiance, turns)
+        for light, arrived in zip(lights, arrivals, strict=True)
+    ]
+    radiance = np.stack(direct, axis=1)
     if recipe.bounces and len(points):
         footprint = (1.0 if camera.projection == "orthographic" else float(depth.mean())) / camera.focal.min()
-        received = indirect(
-            surface,
-            lights,
-            points,
-            pixels,
-            grid,
-            STRIDE * supersampling,
-            float(footprint),
-            lambda met: _colouring(recipe, met).albedo(recipe, lobes),
-            recipe.bounces,
-        )
+
+        def albedo(met: SurfacePoints) -> F32:
+            return _colouring(recipe, met).albedo(recipe, lobes)
+
+        step = STRIDE * supersampling, float(footprint)
+        received = indirect(surface, lights, points, pixels, grid, *step, albedo, recipe.bounces)
         radiance += received * colouring.albedo(recipe, lobes)[:, None]
 
     image = _Image(grid, supersampling, pixels)
     alpha = image.share(np.ones(len(points), np.float32))
     covered = alpha > 0
     weights = image.share(colouring.weights)
-    return Sample(
-        lights=image.share(radiance.reshape(-1, 9)).reshape(*alpha.shape, 3, 3).transpose(2, 0, 1, 3).copy(),
-        normals=np.where(covered[..., None], normalised(image.share(points.normal)), np.float32(0)),
-        depth=image.mean(depth, alpha),
-        alpha=alpha,
-        material=np.where(covered, weights.argmax(axis=2), -1).astype(np.int32),
-        lit=np.stack([image.mean(arrived.lit, alpha) for arrived in arrivals]),
-        recipe=recipe,
-        renderer=RENDERER,
-    )
+    seen = image.share(radiance.reshape(-1, 9)).reshape(*alpha.shape, 3, 3).transpose(2, 0, 1, 3).copy()
+    normals = np.where(covered[..., None], normalised(image.share(points.normal)), np.float32(0))
+    material = np.where(covered, weights.argmax(axis=2), -1).astype(np.int32)
+    lit = np.stack([image.mean(arrived.lit, alpha) for arrived in arrivals])
+    return Sample(seen, normals, image.mean(depth, alpha), alpha, material, lit, recipe, RENDERER)
 
 
 def _colouring(recipe: SceneDescription, points: SurfacePoints) -> _Colouring:
@@ -118,9 +106,9 @@ def _direct(
     light: Light,
     points: SurfacePoints,
     colouring: _Colouring,
-    irradiance: NDArray[np.float32],
+    irradiance: F32,
     turns: NDArray[np.integer[Any]],
-) -> NDArray[np.float32]:
+) -> F32:
     """(N, 3) radiance of the points towards the viewer by direct light."""
     radiance = np.zeros((len(points), 3), np.float32)
     for number, (reflectance, one) in enumerate(zip(reflectances, lobes, strict=True)):
@@ -143,10 +131,10 @@ class _Image:
     pixels: (N,) indices of the points in that grid, in row-major order.
     """
 
-    def __init__(self, grid: tuple[int, int], times: int, pixels: NDArray[np.int64]) -> None:
+    def __init__(self, grid: tuple[int, int], times: int, pixels: I64) -> None:
         self.grid, self.times, self.pixels = grid, times, pixels
 
-    def share(self, values: NDArray[np.float32]) -> NDArray[np.float32]:
+    def share(self, values: F32) -> F32:
         """(H, W, ...) mean over the whole pixel, counting zero where there is no point."""
         fine = np.zeros((self.grid[0] * self.grid[1], *values.shape[1:]), np.float32)
         fine[self.pixels] = values
@@ -154,7 +142,7 @@ class _Image:
         fine = fine.reshape(height // times, times, width // times, times, *values.shape[1:])
         return fine[:, 0, :, 0] if times == 1 else fine.mean(axis=(1, 3), dtype=np.float32)
 
-    def mean(self, values: NDArray[np.float32], alpha: NDArray[np.float32]) -> NDArray[np.float32]:
+    def mean(self, values: F32, alpha: F32) -> F32:
         """(H, W) mean over the covered part of the pixel."""
         mean = self.share(values)
         mean /= np.maximum(alpha, 1e-6)

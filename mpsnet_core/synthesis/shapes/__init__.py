@@ -4,21 +4,20 @@ Drawing a shape gives a small JSON description with a character and a seed. The 
 same description gives the same shape.
 """
 
-import os
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mpsnet_core.arrays.types import F64
 from mpsnet_core.errors import FormatError, InputError, SettingsError, check_choice
+from mpsnet_core.io.opening import AnyPath
 from mpsnet_core.synthesis.noise import gradient_noise
 from mpsnet_core.synthesis.random_sampling import chance, choice, generator, integer, new_seed, uniform
-from mpsnet_core.synthesis.shapes import blobs, drapery, groups, hollows, reliefs
+from mpsnet_core.synthesis.shapes import blobs, drapery, hollows, reliefs
 from mpsnet_core.synthesis.shapes.meshes import load_mesh, mesh_files
-from mpsnet_core.synthesis.shapes.shape import Shape, fitted
-from mpsnet_core.synthesis.shapes.surfaces import bent
+from mpsnet_core.synthesis.shapes.shape import Shape, bent, fitted
 
 __all__ = ["KINDS", "Shape", "build_shape", "draw_shape", "mesh_files"]
 
@@ -77,7 +76,7 @@ def draw_shape(rng: np.random.Generator, kind: str, meshes: Sequence[str] = ()) 
     return {**description, "pose": pose, "files": files, "deformed": chance(rng, 0.5)}
 
 
-def build_shape(description: dict[str, Any], meshes: str | os.PathLike[str] = "") -> Shape:
+def build_shape(description: dict[str, Any], meshes: AnyPath = "") -> Shape:
     """Build a shape from its description.
 
     Parameters
@@ -119,13 +118,13 @@ def build_shape(description: dict[str, Any], meshes: str | os.PathLike[str] = ""
         if kind == "reliefs":
             return fitted(reliefs.build_relief(description["character"], rng))
         if kind == "groups":
-            return fitted(groups.build_group(rng, CELLS_IN_GROUP))
+            return fitted(blobs.build_group(rng, CELLS_IN_GROUP))
         if kind == "hollows":
             return fitted(hollows.build_hollow(description["character"], rng, CELLS))
         shapes = [load_mesh(str(Path(meshes) / Path(name).name)) for name in description["files"]]
         if description["deformed"]:
             shapes = [_deformed(shape, rng) for shape in shapes]
-        return fitted(shapes[0] if len(shapes) == 1 else groups.on_ground(shapes, rng))
+        return fitted(shapes[0] if len(shapes) == 1 else blobs.on_ground(shapes, rng))
     except InputError:
         raise
     except (KeyError, TypeError, ValueError) as error:
@@ -137,7 +136,7 @@ def _deformed(shape: Shape, rng: np.random.Generator) -> Shape:
     seed, scale, amount = new_seed(rng), uniform(rng, 0.8, 2.0), uniform(rng, 0.05, 0.2)
     stretch = np.array([uniform(rng, 0.8, 1.1) for _ in range(3)])
 
-    def bend(points: NDArray[np.float64]) -> NDArray[np.float64]:
+    def bend(points: F64) -> F64:
         swells = np.stack([gradient_noise(points * scale, seed + k) for k in range(3)], axis=1)
         return (points + amount / scale * swells) * stretch
 

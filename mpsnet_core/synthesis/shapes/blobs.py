@@ -1,20 +1,30 @@
 """Blobs: closed bodies of one part, smooth, hollowed, folded, ridged, finely wrinkled or faceted."""
 
-from collections.abc import Callable
-from typing import Any
+from collections.abc import Callable, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mpsnet_core.arrays.types import F64, Floats
 from mpsnet_core.arrays.unit_vectors import normalised
 from mpsnet_core.synthesis.noise import fractal_noise, gradient_noise
 from mpsnet_core.synthesis.random_sampling import chance, choice, direction, integer, new_seed, rotation, uniform
-from mpsnet_core.synthesis.shapes.isosurface import isosurface
-from mpsnet_core.synthesis.shapes.shape import Shape, faceted_shape, joined, placed, smooth_shape
-from mpsnet_core.synthesis.shapes.solids import ellipsoid, limb
-from mpsnet_core.synthesis.shapes.surfaces import bent, displaced, sphere, stacked
-
-Array = NDArray[np.float64]
+from mpsnet_core.synthesis.shapes.isosurface import ellipsoid, isosurface, limb
+from mpsnet_core.synthesis.shapes.shape import (
+    Shape,
+    bent,
+    displaced,
+    faceted_shape,
+    fitted,
+    joined,
+    placed,
+    sheet,
+    slab,
+    smooth_shape,
+    sphere,
+    stacked,
+    standing,
+    turn_about,
+)
 
 CHARACTERS = ("smooth", "hollowed", "folded", "ridged", "wrinkled", "faceted")
 
@@ -58,7 +68,7 @@ def _body(rng: np.random.Generator, cells: int) -> Shape:
     swell, push = uniform(rng, 0.15, 0.45), uniform(rng, 0.1, 0.25)
     stretch = np.array([uniform(rng, 0.6, 1.1) for _ in range(3)])
 
-    def form(points: Array) -> Array:
+    def form(points: F64) -> F64:
         out = 1 + swell * fractal_noise(points * scale, seed, 2)
         return (points * out[:, None] + push * _vectors(points * 1.1, seed + 1)) * stretch
 
@@ -86,14 +96,14 @@ def _hollowed(rng: np.random.Generator, cells: int) -> Shape:
     return isosurface(solids, 2.2 / cells)
 
 
-def _folds(rng: np.random.Generator) -> Callable[[Array], Array]:
+def _folds(rng: np.random.Generator) -> Callable[[F64], F64]:
     """Deep folds: bulges separated by creases, distorted by noise."""
     seed, scale = new_seed(rng), uniform(rng, 1.3, 2.6)
     depth, warp, push = uniform(rng, 0.5, 1.0), uniform(rng, 0.1, 0.5), uniform(rng, 0.1, 0.4)
     stretch = np.array([uniform(rng, 0.35, 1.2) for _ in range(3)])
     sharp = uniform(rng, 0.002, 0.02)
 
-    def form(points: Array) -> Array:
+    def form(points: F64) -> F64:
         places = (points + warp * _vectors(points * 1.5, seed)) * stretch * scale
         bulge = np.sqrt(gradient_noise(places, seed + 3) ** 2 + sharp)
         fine = 0.35 * np.sqrt(gradient_noise(places * 2.1, seed + 4) ** 2 + sharp)
@@ -103,12 +113,12 @@ def _folds(rng: np.random.Generator) -> Callable[[Array], Array]:
     return form
 
 
-def _ridges(rng: np.random.Generator) -> Callable[[Array], Array]:
+def _ridges(rng: np.random.Generator) -> Callable[[F64], F64]:
     """Sharp ridges between smooth valleys."""
     seed, scale, amount = new_seed(rng), uniform(rng, 1.3, 2.8), uniform(rng, 0.05, 0.12)
     sharp, warp = uniform(rng, 0.002, 0.01), uniform(rng, 0.0, 0.3)
 
-    def height(points: Array) -> Array:
+    def height(points: F64) -> F64:
         places = (points + warp * _vectors(points * 1.3, seed)) * scale
         crest = 0.5 - np.sqrt(gradient_noise(places, seed + 3) ** 2 + sharp)
         finer = 0.5 - np.sqrt(gradient_noise(places * 2.2, seed + 4) ** 2 + sharp)
@@ -117,7 +127,7 @@ def _ridges(rng: np.random.Generator) -> Callable[[Array], Array]:
     return height
 
 
-def _wrinkles(rng: np.random.Generator) -> Callable[[Array], NDArray[np.floating[Any]]]:
+def _wrinkles(rng: np.random.Generator) -> Callable[[F64], Floats]:
     """Fine relief: creases, grain, or ridges like those of a fingerprint or a brain."""
     kind = choice(rng, ("creases", "grain", "rows"))
     seed = new_seed(rng)
@@ -164,5 +174,65 @@ def _crystal(rng: np.random.Generator) -> Shape:
     return placed(stacked(np.stack(rings)), rotation(rng))
 
 
-def _vectors(points: Array, seed: int) -> Array:
+def _vectors(points: F64, seed: int) -> F64:
     return np.stack([gradient_noise(points, seed + 7 * k) for k in range(3)], axis=1)
+
+
+# --- groups: several objects next to each other on a ground -----------------------------------------------------------
+
+
+def build_group(rng: np.random.Generator, cells: int) -> Shape:
+    """Two to four blobs on a ground, z up."""
+    blobs = [fitted(build_blob(choice(rng, CHARACTERS), rng, cells)) for _ in range(integer(rng, 2, 4))]
+    return on_ground([placed(blob, rotation(rng)) for blob in blobs], rng)
+
+
+def on_ground(objects: Sequence[Shape], rng: np.random.Generator) -> Shape:
+    """Objects of radius 1, randomly rotated about z and scaled, close together on a ground; each is a part."""
+    spots: list[tuple[float, float, float]] = []
+    pieces = []
+    for item in objects:
+        scale = uniform(rng, 0.45, 1.0)
+        item = standing(placed(item, turn_about((0, 0, 1), uniform(rng, 0, 360)), scale))
+        middle = (item.vertices[:, :2].min(axis=0) + item.vertices[:, :2].max(axis=0)) / 2
+        radius = 0.9 * float(np.sqrt(((item.vertices[:, :2] - middle) ** 2).sum(axis=1).max()))
+        x, y = _free_spot(rng, spots, radius)
+        spots.append((x, y, radius))
+        pieces.append(placed(item, offset=(x - middle[0], y - middle[1], uniform(rng, -0.06, 0.0))))
+    return joined([*pieces, _ground(rng, np.concatenate([piece.vertices[:, :2] for piece in pieces]))])
+
+
+def _free_spot(rng: np.random.Generator, spots: list[tuple[float, float, float]], radius: float) -> tuple[float, float]:
+    """A position where a disc hardly overlaps the others: the closest to the centre of some random tries."""
+    if not spots:
+        return 0.0, 0.0
+    best, nearest = (0.0, 0.0), np.inf
+    for _ in range(40):
+        x, y, r = spots[int(rng.integers(len(spots)))]
+        angle, away = uniform(rng, 0, 2 * np.pi), (r + radius) * uniform(rng, 0.95, 1.15)
+        place = (x + away * np.cos(angle), y + away * np.sin(angle))
+        free = all((place[0] - a) ** 2 + (place[1] - b) ** 2 > (0.9 * (r + radius)) ** 2 for a, b, r in spots)
+        if free and place[0] ** 2 + place[1] ** 2 < nearest:
+            best, nearest = place, place[0] ** 2 + place[1] ** 2
+    return best
+
+
+def _ground(rng: np.random.Generator, footprint: F64) -> Shape:
+    """A plate, a disc or an uneven floor under a footprint (N, 2), with its top at about z = 0."""
+    low, high = footprint.min(axis=0), footprint.max(axis=0)
+    middle, half = (low + high) / 2, (high - low) / 2
+    spread = half * uniform(rng, 0.9, 1.2) + 0.05
+    if chance(rng, 0.45):
+        nodes = 120
+        x, y = np.meshgrid(np.linspace(-1, 1, nodes) * spread[0], np.linspace(1, -1, nodes) * spread[1])
+        seed, scale = new_seed(rng), uniform(rng, 0.8, 5)
+        flat = np.column_stack([x.ravel(), y.ravel(), np.zeros(x.size)])
+        steepness = uniform(rng, 0.01, 0.12) / np.sqrt(scale)
+        height = steepness * fractal_noise(flat * scale, seed, 3).reshape(x.shape)
+        front = np.stack([x, y, height], axis=-1)
+        return placed(sheet(front, np.stack([x, y, np.full_like(x, -0.25)], axis=-1)), offset=(*middle, 0))
+    angles = np.linspace(0, 2 * np.pi, 160, endpoint=False)
+    power = choice(rng, (1.0, 0.35))
+    circle = np.column_stack([np.cos(angles), np.sin(angles)])
+    outline = np.sign(circle) * np.abs(circle) ** power * spread * (1.1 if power == 1 else 1.0)
+    return placed(slab(outline, 0.16, 0.03), offset=(*middle, -0.16))

@@ -1,16 +1,13 @@
 """Drapery: cloth hanging from pins, in pleats, draped over hidden objects, or crumpled."""
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mpsnet_core.arrays.types import F64
 from mpsnet_core.arrays.unit_vectors import normalised
 from mpsnet_core.synthesis.noise import fractal_noise, gradient_noise
 from mpsnet_core.synthesis.random_sampling import chance, choice, integer, new_seed, uniform
-from mpsnet_core.synthesis.shapes.shape import Shape, turn_about
-from mpsnet_core.synthesis.shapes.solids import Solid, blended, box, cylinder, ellipsoid, lengths, limb
-from mpsnet_core.synthesis.shapes.surfaces import catmull_rom, sheet
-
-Array = NDArray[np.float64]
+from mpsnet_core.synthesis.shapes.isosurface import Solid, blended, box, cylinder, ellipsoid, lengths, limb
+from mpsnet_core.synthesis.shapes.shape import Shape, catmull_rom, sheet, turn_about
 
 CHARACTERS = ("draped", "pinned", "pleated", "crumpled")
 # Nodes along a side of the simulated cloth, coarse to fine, and number of steps at each level.
@@ -56,7 +53,7 @@ def hammock(rng: np.random.Generator) -> Shape:
     return _finished(cloth - cloth.mean(axis=(0, 1)), rng)
 
 
-def _turned(rng: np.random.Generator) -> Array:
+def _turned(rng: np.random.Generator) -> F64:
     """Axes rotated about z by a random angle."""
     return turn_about((0, 0, 1), uniform(rng, 0, 360))
 
@@ -81,7 +78,7 @@ def _hidden(rng: np.random.Generator) -> tuple[list[Solid], float]:
     return solids, uniform(rng, 1.6, 2.5)
 
 
-def _hung(rng: np.random.Generator, size: float) -> tuple[Array, dict[tuple[int, int], Array]]:
+def _hung(rng: np.random.Generator, size: float) -> tuple[F64, dict[tuple[int, int], F64]]:
     """A cloth in the x, z plane, with its first row on top, and the pins that gather it."""
     nodes = _LEVELS[0][0]
     flat = _flat(nodes, size)
@@ -98,14 +95,14 @@ def _hung(rng: np.random.Generator, size: float) -> tuple[Array, dict[tuple[int,
     return start, pins
 
 
-def _flat(nodes: int, size: float) -> Array:
+def _flat(nodes: int, size: float) -> F64:
     """A square grid (nodes, nodes, 3) in the x, y plane, facing +z; rows are in descending order of y."""
     steps = np.linspace(-size / 2, size / 2, nodes)
     x, y = np.meshgrid(steps, -steps)
     return np.stack([x, y, np.zeros_like(x)], axis=-1)
 
 
-def _simulated(start: Array, size: float, solids: list[Solid], pins: dict[tuple[int, int], Array], seed: int) -> Array:
+def _simulated(start: F64, size: float, solids: list[Solid], pins: dict[tuple[int, int], F64], seed: int) -> F64:
     """The settled cloth (M, M, 3), by position-based dynamics (Müller et al. 2007) on successively finer grids.
 
     Distance constraints: edges, diagonals and, weakly, every second node. Long-range attachments limit the distance of
@@ -117,7 +114,7 @@ def _simulated(start: Array, size: float, solids: list[Solid], pins: dict[tuple[
         rest = size / (nodes - 1)
         # A small perturbation lets it buckle.
         unrest = [gradient_noise(grid.reshape(-1, 3) * 3, seed + k).reshape(nodes, nodes) for k in range(3)]
-        cloth: Array = np.moveaxis(grid, 2, 0) + 0.1 * rest * np.stack(unrest)
+        cloth: F64 = np.moveaxis(grid, 2, 0) + 0.1 * rest * np.stack(unrest)
         scale = (nodes - 1) // (_LEVELS[0][0] - 1)
         held = [(row * scale, column * scale, at[:, None, None]) for (row, column), at in pins.items()]
         rows, columns = np.indices((nodes, nodes))
@@ -138,13 +135,13 @@ def _simulated(start: Array, size: float, solids: list[Solid], pins: dict[tuple[
     return grid
 
 
-def _fallen(cloth: Array, before: Array) -> Array:
-    moved: Array = cloth + 0.93 * (cloth - before)
+def _fallen(cloth: F64, before: F64) -> F64:
+    moved: F64 = cloth + 0.93 * (cloth - before)
     moved[2] -= _GRAVITY
     return moved
 
 
-def _constrain_lengths(cloth: Array, rest: float) -> None:
+def _constrain_lengths(cloth: F64, rest: float) -> None:
     # Alternate pairs, so no node is moved twice at a time.
     for grid in (cloth, cloth.transpose(0, 2, 1)):
         for odd in (0, 1):
@@ -156,18 +153,18 @@ def _constrain_lengths(cloth: Array, rest: float) -> None:
         _pull(grid[:, :-2], grid[:, 2:], 2 * rest, 0.04)
 
 
-def _pull(a: Array, b: Array, rest: float, share: float) -> None:
+def _pull(a: F64, b: F64, rest: float, share: float) -> None:
     apart = b - a
     apart *= share * (1 - rest / np.maximum(lengths(apart), 1e-9))
     a += apart
     b -= apart
 
 
-def _push_out(points: Array, before: Array, solids: list[Solid]) -> None:
+def _push_out(points: F64, before: F64, solids: list[Solid]) -> None:
     """Project points (3, N) inside a solid or the ground onto its surface, in place, with strong friction."""
 
-    def distance(places: Array) -> Array:
-        total: Array = places[2]
+    def distance(places: F64) -> F64:
+        total: F64 = places[2]
         for solid in solids:
             total = blended(total, solid.signed_distance(places), 0.05)
         return total - 0.03
@@ -180,7 +177,7 @@ def _push_out(points: Array, before: Array, solids: list[Solid]) -> None:
     before[:, inside] += 0.7 * (points[:, inside] - before[:, inside])
 
 
-def _resampled(grid: Array, nodes: int) -> Array:
+def _resampled(grid: F64, nodes: int) -> F64:
     """A grid (M, M, 3) resampled to `nodes` nodes along a side, by cubic interpolation."""
     if len(grid) == nodes:
         return grid
@@ -189,7 +186,7 @@ def _resampled(grid: Array, nodes: int) -> Array:
     return np.ascontiguousarray(grid)
 
 
-def _finished(cloth: Array, rng: np.random.Generator) -> Shape:
+def _finished(cloth: F64, rng: np.random.Generator) -> Shape:
     """The cloth as a closed shape: refined, with fine creases and a back."""
     front = _resampled(cloth, _REFINED * (len(cloth) - 1) + 1)
     normals = _grid_normals(front)
@@ -202,7 +199,7 @@ def _finished(cloth: Array, rng: np.random.Generator) -> Shape:
     return sheet(front, front - _THICKNESS * normals)
 
 
-def _grid_normals(grid: Array) -> Array:
+def _grid_normals(grid: F64) -> F64:
     return normalised(np.cross(np.gradient(grid, axis=1), -np.gradient(grid, axis=0)))
 
 
@@ -214,9 +211,8 @@ def _pleated(rng: np.random.Generator) -> Shape:
     flat = np.stack([x, y * tall, np.zeros_like(x)], axis=-1).reshape(-1, 3)
     drift = fractal_noise(flat * (1.2, uniform(rng, 0.3, 1.0), 1), seed, 2).reshape(x.shape)
     pleats, wander = uniform(rng, 2, 6), uniform(rng, 0.2, 0.9)
-    phase = (
-        2 * np.pi * (pleats * x / 2 + wander * drift + uniform(rng, -0.4, 0.4) * y + uniform(rng, 0, 0.5) * x * x * y)
-    )
+    phase = pleats * x / 2 + wander * drift + uniform(rng, -0.4, 0.4) * y + uniform(rng, 0, 0.5) * x * x * y
+    phase *= 2 * np.pi
     strength = 0.65 + 0.8 * gradient_noise(flat * (1.6, 1.0, 1), seed + 9).reshape(x.shape)
     strength = np.clip(strength, 0.05, 1.4) * (uniform(rng, 0.4, 1.0) + uniform(rng, 0, 0.8) * down)
     merged = np.clip(1.4 * down + 0.3 * drift, 0, 1) if chance(rng, 0.6) else np.ones_like(x)
@@ -224,9 +220,8 @@ def _pleated(rng: np.random.Generator) -> Shape:
     deep, over = uniform(rng, 0.1, 0.3) / pleats**0.5, uniform(rng, 0.0, 0.16) / pleats
     gather = 1 - uniform(rng, 0, 0.5) * (1 - down) ** 2
     hem = 0.1 * gradient_noise(flat * (1.5, 0, 0), seed + 4).reshape(x.shape) * down
-    front = np.stack(
-        [(x + over * strength * np.sin(2 * phase)) * gather, y * tall + hem, deep * strength * wave], axis=-1
-    )
+    across = (x + over * strength * np.sin(2 * phase)) * gather
+    front = np.stack([across, y * tall + hem, deep * strength * wave], axis=-1)
     front[..., 2] += 0.25 * gradient_noise(flat * 1.1, seed + 5).reshape(x.shape)
     normals = _grid_normals(front)
     fine = fractal_noise(flat * (9, uniform(rng, 5, 14), 1), seed + 3, 2).reshape(*x.shape, 1)

@@ -6,20 +6,16 @@ The largest errors on photographs are there: under arms and cloth, in laps, fold
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mpsnet_core.arrays.types import F64
 from mpsnet_core.arrays.unit_vectors import normalised
 from mpsnet_core.synthesis.noise import fractal_noise
 from mpsnet_core.synthesis.random_sampling import chance, choice, direction, integer, new_seed, rotation, uniform
 from mpsnet_core.synthesis.shapes.blobs import CHARACTERS as BLOBS
 from mpsnet_core.synthesis.shapes.blobs import build_blob
 from mpsnet_core.synthesis.shapes.drapery import hammock
-from mpsnet_core.synthesis.shapes.isosurface import isosurface
-from mpsnet_core.synthesis.shapes.shape import Shape, fitted, joined, placed
-from mpsnet_core.synthesis.shapes.solids import Solid, box, ellipsoid, limb
-from mpsnet_core.synthesis.shapes.surfaces import displaced
-
-Array = NDArray[np.float64]
+from mpsnet_core.synthesis.shapes.isosurface import Solid, box, ellipsoid, isosurface, limb
+from mpsnet_core.synthesis.shapes.shape import Shape, displaced, fitted, joined, placed
 
 CHARACTERS = ("vessel", "trough", "case", "niches", "figure", "hammock", "heap")
 
@@ -38,7 +34,7 @@ def build_hollow(character: str, rng: np.random.Generator, cells: int) -> Shape:
     return shape
 
 
-def _opening(rng: np.random.Generator) -> Array:
+def _opening(rng: np.random.Generator) -> F64:
     """(3, 3) axes of a hollow: the last, in which it opens, is at most about 60 degrees from +z."""
     up = normalised(np.array([0.0, 0.0, 1.0]) + uniform(rng, 0, 1) * direction(rng))
     side = normalised(np.cross(up, direction(rng)))

@@ -1,16 +1,120 @@
 """Isosurfaces: triangle meshes of blended solids, by surface nets."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from itertools import product
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from mpsnet_core.arrays.row_bands import bands
+from mpsnet_core.arrays.types import F64, I32, I64, Floats
 from mpsnet_core.arrays.unit_vectors import normalised
 from mpsnet_core.synthesis.shapes.shape import Shape, smooth_shape
-from mpsnet_core.synthesis.shapes.solids import Solid, blended
+
+# --- solids: implicit surfaces by signed distance functions, blended smoothly or subtracted from each other -----------
+# Distances and blends after Inigo Quilez, "Distance functions" and "Smooth minimum" (iquilezles.org, 2008 to 2024).
+
+
+WORLD: F64 = np.eye(3)
+
+
+@dataclass(frozen=True)
+class Solid:
+    """A positioned solid."""
+
+    distance: Callable[[F64], F64]
+    """Maps local points (3, N) to signed distances (N,), below 0 inside; exact near the surface, elsewhere within a
+    third."""
+    centre: F64
+    """(3,). Position of its centre."""
+    axes: F64
+    """(3, 3). Rows are the local axes."""
+    half: F64
+    """(3,). Half the size of its local bounding box."""
+    blend: float = 0.0
+    """Width of the blend with the solids before it, 0 for a sharp joint."""
+    carve: bool = False
+    """Whether to subtract it instead."""
+
+    def signed_distance(self, points: F64) -> F64:
+        """(N,) signed distances of points (3, N)."""
+        return self.distance(self.local(points))
+
+    def local(self, points: F64) -> F64:
+        """Points (3, N) in the solid's local space."""
+        x, y, z = (points[axis] - self.centre[axis] for axis in range(3))
+        if self.axes is WORLD:
+            return np.stack([x, y, z])
+        return np.stack([row[0] * x + row[1] * y + row[2] * z for row in self.axes])
+
+
+def limb(start: ArrayLike, end: ArrayLike, r1: float, r2: float, *, blend: float = 0.0, carve: bool = False) -> Solid:
+    """A round cone from `start` (radius r1) to `end` (radius r2); a ball if they coincide."""
+    a, b = np.asarray(start, np.float64), np.asarray(end, np.float64)
+    along = b - a
+    square = max(float(along @ along), 1e-12)
+
+    def distance(p: F64) -> F64:
+        t: F64 = np.clip((p[0] * along[0] + p[1] * along[1] + p[2] * along[2]) / square + 0.5, 0, 1)
+        return lengths(p - (t - 0.5) * along[:, None]) - (r1 + (r2 - r1) * t)
+
+    half = np.abs(along) / 2 + max(r1, r2)
+    return Solid(distance, (a + b) / 2, WORLD, half, blend, carve)
+
+
+def ellipsoid(
+    centre: ArrayLike, radii: ArrayLike, axes: ArrayLike = WORLD, *, blend: float = 0.0, carve: bool = False
+) -> Solid:
+    """An ellipsoid."""
+    r = np.broadcast_to(np.asarray(radii, np.float64), 3)[:, None]
+
+    def distance(p: F64) -> F64:
+        scaled = lengths(p / r)
+        return scaled * (scaled - 1) / np.maximum(lengths(p / r / r), 1e-9)
+
+    return Solid(distance, np.asarray(centre, np.float64), np.asarray(axes, np.float64), r[:, 0], blend, carve)
+
+
+def box(centre: ArrayLike, half: ArrayLike, rounding: float, axes: ArrayLike = WORLD) -> Solid:
+    """A box with rounded edges. half: half of its size, including the rounding."""
+    full = np.asarray(half, np.float64)
+
+    def distance(p: F64) -> F64:
+        return _rounded(np.abs(p) - (full - rounding)[:, None], rounding)
+
+    return Solid(distance, np.asarray(centre, np.float64), np.asarray(axes, np.float64), full)
+
+
+def cylinder(centre: ArrayLike, radius: float, half_height: float, rounding: float) -> Solid:
+    """An upright cylinder with rounded rims."""
+
+    def distance(p: F64) -> F64:
+        outside = np.stack([lengths(p[:2]) - radius, np.abs(p[2]) - half_height]) + rounding
+        return _rounded(outside, rounding)
+
+    return Solid(distance, np.asarray(centre, np.float64), WORLD, np.array([radius, radius, half_height]))
+
+
+def _rounded(outside: F64, rounding: float) -> F64:
+    """(N,) distances from a rounded form. outside: (D, N) distances of points beyond its core along each axis."""
+    return lengths(np.maximum(outside, 0)) + np.minimum(outside.max(axis=0), 0) - rounding
+
+
+def blended(a: F64, b: F64, width: float) -> F64:
+    """Smooth minimum of two distances, with a continuous second derivative."""
+    distance: F64 = np.minimum(a, b)
+    if width > 0:
+        overlap = np.maximum(1 - np.abs(a - b) / width, 0)
+        distance = distance - overlap * overlap * overlap * (width / 6)
+    return distance
+
+
+def lengths(vectors: F64) -> F64:
+    """(...) lengths of vectors (D, ...)."""
+    return np.sqrt(np.einsum("i...,i...->...", vectors, vectors))
+
 
 # Points evaluated at a time: temporary arrays stay in the processor's cache.
 _CHUNK = 1 << 13
@@ -44,14 +148,14 @@ def isosurface(solids: Sequence[Solid], cell: float) -> Shape:
     return smooth_shape(np.ascontiguousarray(points.T), _split(points.T, quads), normals.T)
 
 
-def _normals(solids: Sequence[Solid], points: NDArray[np.float64]) -> NDArray[np.float64]:
+def _normals(solids: Sequence[Solid], points: F64) -> F64:
     """(3, N) unit gradients of the distance at points (3, N), by central differences."""
     steps = _STEP * np.eye(3)[..., None]
     rises = [_distances(solids, points + step) - _distances(solids, points - step) for step in steps]
     return normalised(np.stack(rises, axis=1)).T
 
 
-def _distances(solids: Sequence[Solid], points: NDArray[np.float64]) -> NDArray[np.float64]:
+def _distances(solids: Sequence[Solid], points: F64) -> F64:
     """(N,) signed distances of points (3, N) from the combined surface of the solids, below 0 inside."""
     total = np.full(points.shape[1], _FAR)
     for chunk in bands(len(total), _CHUNK):
@@ -64,7 +168,7 @@ def _distances(solids: Sequence[Solid], points: NDArray[np.float64]) -> NDArray[
     return total
 
 
-def surface_nets(values: NDArray[np.floating[Any]]) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
+def surface_nets(values: Floats) -> tuple[F64, I32]:
     """Vertices (3, V) in grid units, and quads (Q, 4), counter-clockwise from outside, of the zero level set.
 
     values: (X, Y, Z), below 0 inside, above 0 at the border; modified where ambiguous faces are filled.
@@ -102,7 +206,7 @@ def surface_nets(values: NDArray[np.floating[Any]]) -> tuple[NDArray[np.float64]
     return summed / crossings, np.concatenate(quads)
 
 
-def _ambiguous_faces(at: NDArray[np.integer[Any]]) -> NDArray[np.int64]:
+def _ambiguous_faces(at: NDArray[np.integer[Any]]) -> I64:
     """(N, 2) corner and cell to fill, for faces whose inside corners are diagonal. at: (8, cells) corner values.
 
     Of the two outside corners, the one closer to the surface is filled. Only faces at the low sides of cells are
@@ -119,7 +223,7 @@ def _ambiguous_faces(at: NDArray[np.integer[Any]]) -> NDArray[np.int64]:
     return np.concatenate(found)
 
 
-def _split(points: NDArray[np.float64], quads: NDArray[np.int32]) -> NDArray[np.int32]:
+def _split(points: F64, quads: I32) -> I32:
     """Triangles of quads, split along the shorter diagonal."""
     a, b, c, d = (points[quads[:, k]] for k in range(4))
     short = ((a - c) ** 2).sum(axis=1) <= ((b - d) ** 2).sum(axis=1)

@@ -1,23 +1,20 @@
 """Meshes from files: read and repaired (merged, oriented, closed), with normals."""
 
-import os
 from collections.abc import Iterator
 from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
 import trimesh
-from numpy.typing import NDArray
 
 from mpsnet_core.arrays.mask_regions import connected
+from mpsnet_core.arrays.types import F32, F64, I32, I64
 from mpsnet_core.arrays.unit_vectors import dot, normalised
 from mpsnet_core.errors import FileError, FormatError, GeometryError
 from mpsnet_core.io.files import existing_file
+from mpsnet_core.io.opening import AnyPath
 from mpsnet_core.scene.mesh import read_mesh, triangle_normals
 from mpsnet_core.synthesis.shapes.shape import Shape, fitted
-
-Array = NDArray[np.float64]
-Faces = NDArray[np.int64]
 
 FORMATS = (".glb", ".gltf", ".obj", ".off", ".ply", ".stl")
 MAX_BYTES = 256 << 20
@@ -28,7 +25,7 @@ CREASE = 40.0
 _DIGITS, _NO_AREA = 6, 5e-15
 
 
-def mesh_files(folder: str | os.PathLike[str]) -> list[str]:
+def mesh_files(folder: AnyPath) -> list[str]:
     """List the mesh files in a folder.
 
     Parameters
@@ -50,11 +47,8 @@ def mesh_files(folder: str | os.PathLike[str]) -> list[str]:
     if not path.is_dir():
         raise FileError(f"the folder of meshes {path} does not exist; check the path")
     try:
-        names = sorted(
-            entry.name
-            for entry in path.iterdir()
-            if entry.suffix.lower() in FORMATS and not entry.name.startswith(".") and entry.is_file()
-        )
+        files = [one for one in path.iterdir() if one.suffix.lower() in FORMATS and one.is_file()]
+        names = sorted(file.name for file in files if not file.name.startswith("."))
     except OSError as error:
         raise FileError(f"the folder of meshes {path} cannot be read ({error.strerror}); check it") from None
     if not names:
@@ -96,7 +90,7 @@ def load_mesh(path: str) -> Shape:
     return shape
 
 
-def merge_vertices(vertices: Array, faces: Faces) -> tuple[Array, Faces]:
+def merge_vertices(vertices: F64, faces: I64) -> tuple[F64, I64]:
     """Merge coincident vertices, and remove degenerate and duplicate faces."""
     used = vertices[np.unique(faces)]
     size = float((used.max(axis=0) - used.min(axis=0)).max()) or 1.0
@@ -107,7 +101,7 @@ def merge_vertices(vertices: Array, faces: Faces) -> tuple[Array, Faces]:
     return np.array(mesh.vertices) * size, np.array(mesh.faces)
 
 
-def orient_consistently(vertices: Array, faces: Faces) -> Faces:
+def orient_consistently(vertices: F64, faces: I64) -> I64:
     """Flip faces so that neighbours are oriented consistently."""
     edges = faces[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2)
     owner = np.repeat(np.arange(len(faces)), 3)
@@ -141,7 +135,7 @@ def orient_consistently(vertices: Array, faces: Faces) -> Faces:
     return np.where(flip[:, None], faces[:, ::-1], faces)
 
 
-def thicken_if_flat(vertices: Array, faces: Faces) -> tuple[Array, Faces]:
+def thicken_if_flat(vertices: F64, faces: I64) -> tuple[F64, I64]:
     """Thicken a flat mesh to a plate of 1/40 of its width; return any other mesh unchanged."""
     centred = vertices - vertices.mean(axis=0)
     _, extents, axes = np.linalg.svd(centred.T @ centred)
@@ -150,18 +144,13 @@ def thicken_if_flat(vertices: Array, faces: Faces) -> tuple[Array, Faces]:
     size = float((vertices.max(axis=0) - vertices.min(axis=0)).max())
     other = len(vertices)
     rim = _open_edges(vertices, faces)
-    walls = np.concatenate(
-        [
-            np.column_stack([rim[:, ::-1], rim[:, 0] + other]),
-            np.column_stack([rim[:, 0] + other, rim[:, 1] + other, rim[:, 1]]),
-        ]
-    )
-    return np.concatenate([vertices, vertices + size / 40 * axes[2]]), np.concatenate(
-        [faces, faces[:, ::-1] + other, walls]
-    )
+    low = np.column_stack([rim[:, ::-1], rim[:, 0] + other])
+    high = np.column_stack([rim[:, 0] + other, rim[:, 1] + other, rim[:, 1]])
+    both = np.concatenate([vertices, vertices + size / 40 * axes[2]])
+    return both, np.concatenate([faces, faces[:, ::-1] + other, low, high])
 
 
-def fill_mesh_holes(vertices: Array, faces: Faces) -> tuple[Array, Faces]:
+def fill_mesh_holes(vertices: F64, faces: I64) -> tuple[F64, I64]:
     """Fill every hole with a triangle fan around its centre."""
     onward: dict[int, list[int]] = {}
     for start, end in _open_edges(vertices, faces).tolist():
@@ -195,7 +184,7 @@ def _loops(onward: dict[int, list[int]]) -> Iterator[list[int]]:
             path.append(after)
 
 
-def _open_edges(vertices: Array, faces: Faces) -> NDArray[np.int64]:
+def _open_edges(vertices: F64, faces: I64) -> I64:
     """(N, 2) boundary edges, which occur more often in one direction than in the other; they form loops."""
     edges = faces[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2)
     keys, index = np.unique(np.sort(edges, axis=1) @ np.array([len(vertices), 1]), return_inverse=True)
@@ -205,7 +194,7 @@ def _open_edges(vertices: Array, faces: Faces) -> NDArray[np.int64]:
     return np.repeat(forth, np.abs(net), axis=0)
 
 
-def orient_outward(vertices: Array, faces: Faces) -> Faces:
+def orient_outward(vertices: F64, faces: I64) -> I64:
     """Flip connected patches of faces with negative volume."""
     patch = connected(len(vertices), faces[:, :2].ravel(), faces[:, 1:].ravel())[faces[:, 0]]
     a, b, c = (vertices[faces[:, k]] for k in range(3))
@@ -213,7 +202,7 @@ def orient_outward(vertices: Array, faces: Faces) -> Faces:
     return np.where((volume < 0)[patch][:, None], faces[:, ::-1], faces)
 
 
-def creased_normals(vertices: Array, triangles: NDArray[np.int32]) -> NDArray[np.float32]:
+def creased_normals(vertices: F64, triangles: I32) -> F32:
     """(T, 3, 3) corner normals, from the faces at the vertex within the crease angle of the corner's own face."""
     area = triangle_normals(vertices[triangles])
     flat = normalised(area)

@@ -4,17 +4,15 @@ from collections.abc import Callable
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mpsnet_core.arrays.types import F64
 from mpsnet_core.synthesis.noise import fractal_noise, gradient_noise
 from mpsnet_core.synthesis.random_sampling import chance, choice, integer, new_seed, uniform
-from mpsnet_core.synthesis.shapes.shape import Shape
-from mpsnet_core.synthesis.shapes.solids import blended
-from mpsnet_core.synthesis.shapes.surfaces import catmull_rom, sheet
+from mpsnet_core.synthesis.shapes.isosurface import blended
+from mpsnet_core.synthesis.shapes.shape import Shape, catmull_rom, sheet
 
-Array = NDArray[np.float64]
 # A motif: a height field, 0 to about 1, of x, y (N,), about 2 wide.
-Motif = Callable[[Array, Array], Array]
+Motif = Callable[[F64, F64], F64]
 
 _NODES = 160
 
@@ -27,7 +25,7 @@ def build_relief(character: str, rng: np.random.Generator) -> Shape:
         x, y = x * np.sqrt(1 - y * y / 2), y * np.sqrt(1 - x * x / 2)
     u, v = x.ravel(), y.ravel()
     seed = new_seed(rng)
-    flat: Array = np.column_stack([u, v, np.zeros_like(u)])
+    flat: F64 = np.column_stack([u, v, np.zeros_like(u)])
     # A slight distortion: no stroke is perfectly straight.
     bend = uniform(rng, 0.0, 0.04)
     places = (axis + bend * gradient_noise(flat * 2, seed + k) for k, axis in enumerate((u, v)))
@@ -44,7 +42,7 @@ def build_relief(character: str, rng: np.random.Generator) -> Shape:
     return sheet(front, front * (1, 1, 0))
 
 
-def _softened(height: Array) -> Array:
+def _softened(height: F64) -> F64:
     """Smooth steps that the grid cannot resolve."""
     for _ in range(2):
         for axis in (0, 1):
@@ -72,7 +70,7 @@ def _coin(rng: np.random.Generator) -> Motif:
     marks = [(2 * np.pi * k / rays, uniform(rng, 0.02, 0.06), chance(rng, 0.75)) for k in range(rays)]
     seed = new_seed(rng)
 
-    def height(u: Array, v: Array) -> Array:
+    def height(u: F64, v: F64) -> F64:
         total = np.zeros_like(u)
         for x, y, wide, high, tall in lumps:
             total = _soft_max(total, _lens((turn * u - x) / wide, (v - y) / high, 0.35) * tall, 0.08)
@@ -82,15 +80,8 @@ def _coin(rng: np.random.Generator) -> Motif:
         for angle, long, drawn in marks:
             if drawn:
                 a, b = 0.78 - long, 0.78 + long
-                line = _stroke(
-                    u,
-                    v,
-                    np.array(
-                        [(a * np.cos(angle), a * np.sin(angle)), (b * np.cos(angle + 0.04), b * np.sin(angle + 0.04))]
-                    ),
-                    0.022,
-                )
-                total = np.maximum(total, 0.5 * line)
+                path = [(r * np.cos(turned), r * np.sin(turned)) for r, turned in ((a, angle), (b, angle + 0.04))]
+                total = np.maximum(total, 0.5 * _stroke(u, v, np.array(path), 0.022))
         return total
 
     return height
@@ -115,7 +106,7 @@ def _letters(rng: np.random.Generator) -> Motif:
                 strokes.append(catmull_rom(path, 6 * (len(path) - 1) + 1) if rounded else path)
     width = thick * float(cell.min())
 
-    def height(u: Array, v: Array) -> Array:
+    def height(u: F64, v: F64) -> F64:
         total = np.zeros_like(u)
         for path in strokes:
             total = np.maximum(total, _stroke(u, v, path, width))
@@ -130,19 +121,12 @@ def _ornament(rng: np.random.Generator) -> Motif:
     parts = []
     for _ in range(integer(rng, 3, 7)):
         away, size = uniform(rng, 0.2, 0.85), uniform(rng, 0.12, 0.35)
-        parts.append(
-            (
-                choice(rng, ("petal", "bead", "arc", "spiral")),
-                away,
-                size,
-                uniform(rng, 0.4, 1.0),
-                uniform(rng, -0.5, 0.5),
-            )
-        )
+        kind = choice(rng, ("petal", "bead", "arc", "spiral"))
+        parts.append((kind, away, size, uniform(rng, 0.4, 1.0), uniform(rng, -0.5, 0.5)))
     across = chance(rng, 0.35)
     repeat = integer(rng, 2, 3)
 
-    def height(u: Array, v: Array) -> Array:
+    def height(u: F64, v: F64) -> F64:
         if across:
             u, v = (np.abs((axis * repeat / 2 + 0.5) % 1 * 2 - 1) * 2 - 1 for axis in (u, v))
         away, angle = np.sqrt(u * u + v * v), np.arctan2(v, u)
@@ -163,7 +147,7 @@ def _ornament(rng: np.random.Generator) -> Motif:
                 pitch = max(0.4 * size, 0.12)
                 turn = np.arctan2(y, x)
                 distance = np.sqrt(x * x + y * y)
-                coil: Array = np.abs((distance / pitch - turn / (2 * np.pi)) % 1 - 0.5)
+                coil: F64 = np.abs((distance / pitch - turn / (2 * np.pi)) % 1 - 0.5)
                 shape = _step(size - distance, 0.3 * size) * _step(coil - 0.18, 0.15)
             total = np.maximum(total, tall * shape)
         return total / repeat if across else total
@@ -192,7 +176,7 @@ def _figures(rng: np.random.Generator) -> Motif:
                 bones += [((0.22 * s, 0.5), elbow, 0.09), (elbow, hand, 0.08)]
         limbs.append((x, y, size, tall * (1 - 0.12 * k), turn, bones))
 
-    def height(u: Array, v: Array) -> Array:
+    def height(u: F64, v: F64) -> F64:
         total = np.zeros_like(u)
         for x, y, size, tall, turn, bones in limbs:
             figure = np.zeros_like(u)
@@ -210,7 +194,7 @@ def _landscape(rng: np.random.Generator) -> Motif:
     seed, scale = new_seed(rng), uniform(rng, 1.2, 3.0)
     steps = choice(rng, (0, 3, 5, 8))
 
-    def height(u: Array, v: Array) -> Array:
+    def height(u: F64, v: F64) -> F64:
         points = np.column_stack([u * scale, v * scale, np.full_like(u, 0.37)])
         field = 0.5 + 0.8 * fractal_noise(points, seed, 3).astype(np.float64)
         if steps:
@@ -221,27 +205,27 @@ def _landscape(rng: np.random.Generator) -> Motif:
     return height
 
 
-def _smooth(t: Array) -> Array:
+def _smooth(t: F64) -> F64:
     return t * t * (3 - 2 * t)
 
 
-def _step(distance: Array, width: float) -> Array:
+def _step(distance: F64, width: float) -> F64:
     """Smooth step from 0 at 0 to 1 at `width`."""
     return _smooth(np.clip(distance / width, 0, 1))
 
 
-def _bump(distance: Array, width: float) -> Array:
+def _bump(distance: F64, width: float) -> F64:
     """A round ridge, 1 at 0 and 0 beyond `width`."""
     return _smooth(np.clip(1 - np.abs(distance) / width, 0, 1))
 
 
-def _lens(x: Array, y: Array, rim: float) -> Array:
+def _lens(x: F64, y: F64, rim: float) -> F64:
     """A pillow over the unit disc: a steep rim of width `rim`, then domed."""
-    away: Array = np.sqrt(x * x + y * y)
+    away: F64 = np.sqrt(x * x + y * y)
     return _step(1.0 - away, rim) * (1 - 0.35 * np.minimum(away, 1) ** 2)
 
 
-def _stroke(u: Array, v: Array, path: Array, width: float) -> Array:
+def _stroke(u: F64, v: F64, path: F64, width: float) -> F64:
     """A round ridge along a path (M, 2)."""
     low, high = path.min(axis=0) - width, path.max(axis=0) + width
     near = np.flatnonzero((u > low[0]) & (u < high[0]) & (v > low[1]) & (v < high[1]))
@@ -256,7 +240,7 @@ def _stroke(u: Array, v: Array, path: Array, width: float) -> Array:
     return height
 
 
-def _soft_max(a: Array, b: Array, width: float) -> Array:
+def _soft_max(a: F64, b: F64, width: float) -> F64:
     return -blended(-a, -b, width)
 
 

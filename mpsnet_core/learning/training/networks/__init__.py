@@ -3,11 +3,9 @@
 from typing import Any
 
 from mpsnet_core.errors import SettingsError
-from mpsnet_core.learning.training.networks.demultiplexer import Demultiplexer
-from mpsnet_core.learning.training.networks.mps_net import MpsNet
 from mpsnet_core.learning.training.networks.multiscale import Multiscale
 from mpsnet_core.learning.training.networks.network import Network, Prediction
-from mpsnet_core.learning.training.networks.ps_fcn import PsFcn
+from mpsnet_core.learning.training.networks.published import Demultiplexer, MpsNet, PsFcn
 
 __all__ = ["NETWORKS", "Network", "Prediction", "build_network"]
 
