@@ -54,9 +54,9 @@ class MPS_PT_bake(Step):
             row = self.layout.row(align=True)
             row.operator("mps.relight", icon="LIGHT_SUN", depress=lit)
             row.operator("mps.show_coverage", icon="OVERLAY", depress=bool(bake.overlays))
+            self.layout.operator("mps.before_after", icon="SPLIT_VERTICAL", depress=comparing())
             if not lit:
                 self.column(context.scene.mps.relight, "neutral")
-            self.layout.operator("mps.before_after", icon="SPLIT_VERTICAL", depress=comparing())
             for verb in ("relight", "show_coverage", "before_after"):
                 self.failure(context.scene, verb)
         self.picture(bake.image)
