@@ -337,9 +337,10 @@ def _of_polygons(found: Polygons, shape_only: bool, world_from_object: F64 | Non
             raise GeometryError(f"{who} no UVs; unwrap it in Blender (UV > Smart UV Project) and export it with UVs")
         uvs = found.uvs[order]
     counts, pose = found.sizes - 2, np.eye(4) if world_from_object is None else world_from_object
-    labels, polygons = [_labels(runs, counts) for runs in (found.materials, found.objects)], np.arange(len(counts))
+    materials, objects = (_labels(runs, counts) for runs in (found.materials, found.objects))
+    polygons = np.repeat(np.arange(len(counts)), counts)
     triangles, normals = found.corners[order].astype(np.int32), _shaded(found)[order]
-    mesh = Mesh(found.vertices, triangles, normals, uvs, None, pose, *labels, np.repeat(polygons, counts))
+    mesh = Mesh(found.vertices, triangles, normals, uvs, None, pose, materials, objects, polygons)
     if found.tangents is None or shape_only:
         return mesh
     given = found.tangents[order]

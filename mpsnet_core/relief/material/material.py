@@ -1,6 +1,7 @@
 """Flat materials: seamless textures of known size, made from one photo."""
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -167,7 +168,8 @@ def crop_to_filled_part(capture: Capture, crop: tuple[int, int, int, int] | None
         raise GeometryError(f"a flat material fills the photo, but {missing:.1%} of it is transparent; crop it")
     camera = capture.camera and capture.camera.cropped(left, top, width, height)
     arrays = {name: getattr(capture, name) for name in ("image", "mask", "depth", "clipped")}
-    return replace(capture, camera=camera, **{name: None if one is None else one[part] for name, one in arrays.items()})
+    cropped: dict[str, Any] = {name: None if one is None else one[part] for name, one in arrays.items()}
+    return replace(capture, camera=camera, **cropped)
 
 
 def _flatten(capture: Capture, normals: NormalMap, bend: int, grey: bool, progress: Progress) -> tuple[F32, float]:
