@@ -115,7 +115,8 @@ def capture_model(changes: Any) -> CaptureModel:
         entries = value if isinstance(default, tuple) else [value]
         if not isinstance(entries, list | tuple) or not all(_within(entry, low, high) for entry in entries):
             wanted = f"numbers like {list(default)}" if isinstance(default, tuple) else f"a number like {default}"
-            raise SettingsError(f"capture needs {wanted} as {name}, of {low:g} to {high:g}, not {reprlib.repr(value)}")
+            words = f"the recipe's capture needs {wanted} as {name}, from {low:g} to {high:g}"
+            raise SettingsError(f"{words}, not {reprlib.repr(value)}")
         if name == "bits" and not entries:
             raise SettingsError("the recipe's capture has no bits; name at least one")
         if name != "bits" and isinstance(default, tuple) and (len(entries) != 2 or entries[0] > entries[1]):
