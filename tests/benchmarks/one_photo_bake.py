@@ -15,7 +15,6 @@ from pathlib import Path
 
 import bpy
 import numpy as np
-from mpsnet_core.scene.mesh_hits import mesh_hits
 from quiet import quiet
 
 import blender_addon
