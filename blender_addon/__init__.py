@@ -25,11 +25,21 @@ _NAMES = (
     *("settings.estimate", "settings.bake", "settings.heights", "settings.displace", "settings.views"),
     *("settings.material", "settings.samples", "settings.record", "settings.relight", "settings.scene"),
     *("settings.unknown", "preferences", "settings.choices", "presets", "operators.reporting", "operators.core_run"),
+    "operators.show_image",
+    "operators.choose_file",
     *("rig.rig", "rig.several_rigs", "rig.light_preview"),
     *("photo.photo", "photo.align", "photo.pick_points", "photo.check", "photo.look_through"),
     *("photo.find_lights", "photo.paint_mask", "estimate.estimate", "estimate.error_map"),
     *("bake.bake", "bake.node_group", "heights.displace", "heights.integrate", "bake.many_views", "bake.coverage"),
-    *("material", "training.training_data", "bake.relight", "bake.unwrap", "start.try_it", "start.scan"),
+    *(
+        "material",
+        "training.training_data",
+        "bake.relight",
+        "bake.before_after",
+        "bake.unwrap",
+        "start.try_it",
+        "start.scan",
+    ),
     *("panels", "menu", "manual", "commands", "translations"),
 )
 _MODULES = [import_module(f".{name}", __name__) for name in _NAMES]

@@ -136,7 +136,7 @@ def _do(verb: str, options: dict[str, Any], reporter: Reporter) -> None:
     result = _result(verb, every_rig=options.get("all_rigs", False))
     if reporter.style == "json":
         saved = str(Path(save).resolve()) if save else None
-        print_json(result={"command": verb.replace("_", "-"), **result, "notes": notes.lines, "saved": saved})
+        print_json(result=notes.added_to({"command": verb.replace("_", "-"), **result, "saved": saved}))
         return
     print(f"{COMMAND}: {verb.replace('_', '-')} done{_listed(result['written'])}")  # noqa: T201
     if save:
@@ -149,7 +149,8 @@ def _result(verb: str, *, every_rig: bool) -> dict[str, Any]:
     """What a verb made: what there is to say of it and "written", the files of all rigs if it worked with every rig."""
     verbs = _PARTS.get(verb, (verb,))
     mps = bpy.context.scene.mps
-    results = [result_of(one, step) for step in verbs for one in (all_rigs(bpy.context.scene) if every_rig else [mps])]
+    places = [*(all_rigs(bpy.context.scene) if every_rig else ()), mps]
+    results = [result_of(one, step) for step in verbs for one in places]
     files = [file for result in results for file in result.get("written", [])]
     return {**next(filter(None, results), {}), "written": list(dict.fromkeys(files))}
 
@@ -174,7 +175,7 @@ def _reported(reporter: Reporter) -> Iterator[NoteCollector]:
     notes, lines, logger = NoteCollector(), logging.StreamHandler(sys.stderr), logging.getLogger(__package__)
     lines.setFormatter(logging.Formatter(f"{COMMAND}: %(message)s"))
     level, shown = logger.level, log_level()
-    notes.addFilter(lambda record: shown <= logging.WARNING)  # an operator's notes have no levels of their own
+    notes.setLevel(shown)
     lines.setLevel(shown)
     logger.setLevel(logging.INFO)
     handled = ((reporting.log, notes), (progress.log, lines))
@@ -188,8 +189,8 @@ def _reported(reporter: Reporter) -> Iterator[NoteCollector]:
         for log, handler in handled:
             log.removeHandler(handler)
         logger.setLevel(level)
-        for line in notes.lines:
-            print(f"note: {line}", file=sys.stderr)  # noqa: T201
+        for note in notes.notes:
+            print(f"note: {note}", file=sys.stderr)  # noqa: T201
 
 
 def _obstacle(verb: str) -> str:
@@ -260,7 +261,7 @@ def _add_flag(parser: argparse.ArgumentParser, setting: Any) -> None:
         choices = [item.identifier for item in setting.enum_items]
         parser.add_argument(flag, type=str.upper, choices=choices, help=words + default)
     elif setting.type == "STRING":
-        metavar = {"FILE_PATH": "FILE", "DIR_PATH": "DIR"}.get(setting.subtype, "NAME")
+        metavar = {"FILE_PATH": "FILE", "FILE_NAME": "FILE", "DIR_PATH": "DIR"}.get(setting.subtype, "NAME")
         parser.add_argument(flag, type=str if metavar == "NAME" else _absolute, metavar=metavar, help=words)
     else:
         number = _number(int if setting.type == "INT" else float, setting.soft_min, setting.soft_max)

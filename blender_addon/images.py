@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mpsnet_core.errors import FileError, FormatError, InputError
+from mpsnet_core.io.image import linear_to_srgb
 
 from .image_records import LOADED, is_own, origin, read_sidecar, remember, remembered
 from .outputs import file_name
@@ -150,6 +151,8 @@ def fine_preview(image: bpy.types.Image, *, stretched: bool = False) -> None:
         width, height = (max(1, round(side * length / max(small.size))) for length in small.size)
         small.scale(width, height)
         pixels = pixels_of(small)
+        if small.is_float and not small.colorspace_settings.is_data:
+            pixels[..., :3] = linear_to_srgb(pixels[..., :3].clip(0, 1))
     finally:
         bpy.data.images.remove(small)
     if stretched:

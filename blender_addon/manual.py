@@ -32,7 +32,12 @@ def groups() -> Iterator[tuple[str, Any]]:
     seen: set[str] = set()
     for owner in ("scene", "image", "window_manager"):
         kind = getattr(bpy.types, owner.title().replace("_", ""))
-        yield from _within(f"{owner}.mps", kind.bl_rna.properties["mps"].fixed_type, seen)
+        group = kind.bl_rna.properties["mps"].fixed_type
+        if owner == "scene":  # the chosen rig's are found there, too
+            for one in group.properties["rigs"].fixed_type.properties:
+                if one.type == "POINTER" and one.identifier != "rna_type":
+                    yield from _within(f"scene.mps.{one.identifier}", one.fixed_type, seen)
+        yield from _within(f"{owner}.mps", group, seen)
     yield "preferences", MPS_AddonPreferences.bl_rna
 
 
@@ -66,6 +71,12 @@ def manual_map() -> tuple[str, tuple[tuple[str, str], ...]]:
     # Windows opens files by their paths.
     begin = f"{places}{os.sep}" if sys.platform == "win32" else f"{places.as_uri()}/"
     return begin, tuple((name, f"{name}.html") for name in names)
+
+
+def explanation(code: str) -> str:
+    """The address of the entry that explains a message with this code; "" if the pages are not there."""
+    pages = (folder / "how_to" / "symptoms.html" for folder in FOLDERS)
+    return next((f"{page.as_uri()}#{code}" for page in pages if code and page.is_file()), "")
 
 
 def register() -> None:

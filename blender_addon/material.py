@@ -9,7 +9,7 @@ import bpy
 import numpy as np
 from numpy.typing import NDArray
 
-from mpsnet_core.errors import FileError, InputError, SettingsError
+from mpsnet_core.errors import FileError, InputError, Note, SettingsError
 from mpsnet_core.io.files import creatable_folder
 from mpsnet_core.relief.operations import MakeMaterial
 from mpsnet_core.scene.camera import read_camera
@@ -18,7 +18,7 @@ from .appearance.modifiers import FACES, remove_modifier, subdivide
 from .appearance.nodes import ensure_node, new_material
 from .appearance.shader_graph import output_of, shaders_of
 from .image_records import origin, remember, remembered
-from .images import fine_preview, image_file, load_image, picture_size
+from .images import image_file, load_image, picture_size
 from .operators.core_run import RunsCore
 from .outputs import requested_path
 from .photo.options import network, reading_without_mask, rig_and_camera_options
@@ -93,7 +93,7 @@ class MPS_OT_make_material(RunsCore, MaterialSettings, bpy.types.Operator):
         """The width that the photo covers, in metres."""
         width = self.width
         taken_with = remembered(image, "camera")
-        self._notes = [] if width else ["no width is given; the material's size follows from the photo's camera"]
+        self._notes = [] if width else [Note("no width is given; the material's size follows from the photo's camera")]
         if not width and taken_with is not None:
             (folder / "taken.json").write_text(taken_with, encoding="utf-8")
             camera = read_camera(folder / "taken.json")
@@ -124,7 +124,6 @@ class MPS_OT_make_material(RunsCore, MaterialSettings, bpy.types.Operator):
         elif FACES not in plane.modifiers:  # otherwise the user may have reduced the levels
             subdivide(plane, "SIMPLE", _SHOWN_LEVELS, _RENDERED_LEVELS, FACES)
         settings.image = preview = load_image(files["preview"], f"{name} preview", is_data=False)
-        fine_preview(preview)
         self.made(preview)
         settings.summary = (
             f"{made['width_mm']:.4g} x {made['height_mm']:.4g} mm, {result['relief_mm']:.3g} mm deep. "

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import bpy
 
-from mpsnet_core.errors import FileError, SettingsError
+from mpsnet_core.errors import FileError, Note, SettingsError
 from mpsnet_core.io.files import PHOTO_SUFFIXES, ensure_folder, writable_path
 
 from .image_records import images_of, is_own
@@ -107,13 +107,13 @@ def requested_folder(given: str) -> Path | None:
     return path if path.is_dir() else None
 
 
-def overruled_format(path: Path, settings: bpy.types.PropertyGroup) -> list[str]:
+def overruled_format(path: Path, settings: bpy.types.PropertyGroup) -> list[Note]:
     """A sentence if the file's suffix overrules the format in a step's settings; otherwise nothing."""
     written = FORMAT_OF[path.suffix.lower()]
     if written == settings.file_format or not settings.is_property_set("file_format"):
         return []
     chosen = settings.bl_rna.properties["file_format"].enum_items[settings.file_format].name
-    return [f"{path.name} is written as its ending says, not as {chosen}"]
+    return [Note("%s is written as its ending says, not as %s", path.name, chosen, level="look")]
 
 
 def output_frames(given: str, name: str) -> Path:

@@ -12,7 +12,7 @@ import bpy
 
 from .manual import operators
 from .preferences import PACKAGE
-from .settings.declared import OWN_SENSE
+from .settings.messages import OWN_SENSE
 
 LOCALE = Path(__file__).parent / "locale"
 

@@ -1,8 +1,8 @@
 """From one photo to a baked normal texture, from start to end, with no file needed.
 
-Presses "Try It": a detailed monkey and its low-poly copy with UVs, three coloured lights and a camera, the one photo,
-its normals, and their bake onto the low-poly's UVs. Then relights the result and compares it with the truth. Leaves a
-contact sheet in examples/output/quickstart.png.
+Presses "Try It": a painted relief and its low-poly copy with UVs, three coloured lights and a camera, the one photo and
+its white photo, its normals, and the bake of normals and colours onto the low-poly's UVs. Then relights the result and
+compares it with the truth. Leaves a contact sheet in examples/output/quickstart.png.
 
     python examples/quickstart.py                      (with bpy from PyPI)
     blender -b --python examples/quickstart.py         (with the extension installed)
@@ -43,7 +43,7 @@ def main() -> None:
     bpy.ops.wm.read_factory_settings(use_empty=True)
     runpy.run_path(str(Path(__file__).with_name("extension.py")))
 
-    step("a detailed monkey, its one photo, the normals by the default network, and its low-poly copy with them")
+    step("a painted relief, its photos, the normals by the default network, and its low-poly copy with them")
     bpy.ops.mps.try_it(pixels=PIXELS, samples=32, size=SIZE, output=str(OUTPUT))
     scene = bpy.context.scene
     if model != DEFAULT_MODEL:
@@ -64,7 +64,8 @@ def main() -> None:
     textured = relit(low, OUTPUT / "relit_textured.png")
     original = relit(detailed, OUTPUT / "relit_original.png")
     tree = low.material_slots[0].material.node_tree
-    tree.nodes.remove(tree.nodes["MPS Normal"])
+    for name in ("MPS Normal", "MPS Albedo"):
+        tree.nodes.remove(tree.nodes[name])
     plain = relit(low, OUTPUT / "relit_plain.png")
 
     estimate = read_normals(normals)
@@ -85,7 +86,7 @@ def main() -> None:
         mask,
     )
     titles = [
-        "the one photo",
+        "the photo",
         "estimated normals",
         "true normals",
         f"error, mean {mean:.2f}°",

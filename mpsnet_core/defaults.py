@@ -3,6 +3,8 @@
 Both the functions that take an option and the operations that describe it to the command line and Blender read them.
 """
 
+from typing import Literal
+
 # Images: the transfer curve of their values, where the object is, and where the green channel of normal maps points.
 ENCODINGS = {
     "auto": "linear for float files and camera raw, sRGB for all others, unless the file says otherwise",
@@ -10,6 +12,7 @@ ENCODINGS = {
     "srgb": "as for a screen",
 }
 MASK = "alpha-or-auto"
+Convention = Literal["opengl", "directx"]
 CONVENTIONS = {"opengl": "green is up: Blender, glTF, Unity, Godot", "directx": "green is down: Unreal Engine"}
 
 # A lens's 35 mm equivalent focal length, in millimetres: about 8 for a fisheye, a few thousand for a telescope.

@@ -1,11 +1,17 @@
-"""Errors that are not faults of the program, and how their messages are worded."""
+"""Errors that are not faults of the program, notes on a result, and how both are worded."""
 
+import re
 from collections.abc import Collection, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
-from typing import Generic, NoReturn, TypeVar
+from typing import Any, Generic, Literal, NoReturn, Self, TypeVar, get_args
 
 T = TypeVar("T")
+
+# How a note judges what it is about: all is well, have a look, or it cannot be used.
+NoteLevel = Literal["good", "look", "stop"]
+NOTE_LEVELS: tuple[NoteLevel, ...] = get_args(NoteLevel)
+_CODE = re.compile(r" \[([a-z]+(?:-[a-z]+)+)\]")
 
 # Characters of a message: about twice the length of a sentence that names two paths.
 LONGEST = 500
@@ -60,6 +66,57 @@ class Choices(dict[str, T]):
     def __missing__(self, value: str) -> NoReturn:
         check_choice(self.what, value, self)
         raise KeyError(value)
+
+
+class Note(str):
+    """A sentence on a result, in one line. It keeps the English template and the values that it was made of.
+
+    So a program can show it in another language, by its level, and link to the entry of its code in the docs. Options
+    in a template are written as flags: "--white-light".
+
+    Parameters
+    ----------
+    template
+        The sentence, with a %-placeholder for each value.
+    values
+        Numbers, texts, or notes that are parts of this one.
+    level
+        "good", "look" or "stop".
+    """
+
+    template: str
+    values: tuple[Any, ...]
+    level: NoteLevel
+
+    def __new__(cls, template: str, *values: Any, level: NoteLevel = "good") -> Self:
+        note = super().__new__(cls, in_one_line(template % values if values else template))
+        note.template, note.values, note.level = template, values, level
+        return note
+
+    @property
+    def code(self) -> str:
+        """The anchor of the entry in the docs that explains it; "" if there is none."""
+        found = _CODE.search(self)
+        return found[1] if found else ""
+
+    def facts(self) -> dict[str, Any]:
+        """What is needed to show it elsewhere, as JSON data."""
+        values = [
+            one.facts() if isinstance(one, Note) else getattr(one, "item", lambda one=one: one)() for one in self.values
+        ]
+        shown = [one if isinstance(one, int | float | str | dict) else str(one) for one in values]
+        return {"level": self.level, "code": self.code, "template": self.template, "values": shown}
+
+    @classmethod
+    def from_facts(cls, facts: Any) -> Self:
+        """The inverse of :meth:`facts`. Raises FormatError if these are none, as in a file from elsewhere."""
+        try:
+            values = [cls.from_facts(one) if isinstance(one, dict) else one for one in facts["values"]]
+            if facts["level"] in NOTE_LEVELS:
+                return cls(facts["template"], *values, level=facts["level"])
+        except (TypeError, ValueError, KeyError, AttributeError, RecursionError):
+            pass
+        raise FormatError("this is no note")
 
 
 class Cancelled(Exception):

@@ -18,6 +18,7 @@ _KINDS = {
     GREEN_NODE: "ShaderNodeVectorMath",
     NORMAL_NODE: "ShaderNodeNormalMap",
     ALBEDO_NODE: "ShaderNodeTexImage",
+    UV_NODE: "ShaderNodeUVMap",
     HEIGHT_NODE: "ShaderNodeTexImage",
     DISPLACEMENT_NODE: "ShaderNodeDisplacement",
     OBJECT_TEXTURE_NODE: "ShaderNodeTexImage",

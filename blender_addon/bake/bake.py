@@ -9,7 +9,7 @@ from typing import Any
 import bpy
 
 from mpsnet_core.bake.operations import Bake
-from mpsnet_core.errors import GeometryError, InputError, SettingsError
+from mpsnet_core.errors import GeometryError, InputError, Note, SettingsError
 
 from ..image_records import remembered
 from ..images import frame_pattern, image_file, load_frames, picture_size
@@ -31,6 +31,7 @@ from .gltf_export import export_notes
 from .texture_owners import FRAME
 from .texture_sets import AssignedTexture
 
+POOR_FIT = Note("the mesh fits the photo poorly; look at Align Photo, in Camera", level="stop")
 NO_CAMERA = "Where was the photo taken from? Press Align Photo in the step Photo, or choose the camera there"
 
 
@@ -85,7 +86,7 @@ class MPS_OT_bake(BakeOperator, BakeSettings, bpy.types.Operator):
             self._write_camera(scene, folder / "camera.json", normals_image)
         photo = normals_image.mps.photo
         if photo is not None and photo.mps.poor and chosen_camera(scene, normals_image) is not None:
-            self._notes = [*self._notes, f"the mesh fits the photo poorly ({photo.mps.fit}); look at Align Photo"]
+            self._notes = [*self._notes, POOR_FIT]
         others = self._other_rigs(scene) if self.all_rigs else []
         albedos = self._albedos([scene.mps, *others])
         self._coloured = bool(albedos)
@@ -145,10 +146,10 @@ class MPS_OT_bake(BakeOperator, BakeSettings, bpy.types.Operator):
         """The scene's other rigs that have normals. A note names those without."""
         if self._frames:
             raise SettingsError("sequences are baked for one rig at a time; switch All Rigs off")
-        others = [one for one in all_rigs(scene) if one != scene.mps]
+        others = [one for one in all_rigs(scene) if one != scene.mps.chosen]
         without = ", ".join(f'"{one.name}"' for one in others if one.estimate.image is None)
         if without:
-            self._notes = [*self._notes, f"Rigs without normals are left out: {without}"]
+            self._notes = [*self._notes, Note("Rigs without normals are left out: %s", without, level="look")]
         others = [one for one in others if one.estimate.image is not None]
         if any(one.estimate.image.source == "SEQUENCE" for one in others):
             raise SettingsError("one of the rigs has a sequence, which is baked on its own; switch All Rigs off")
@@ -200,8 +201,8 @@ class MPS_OT_bake(BakeOperator, BakeSettings, bpy.types.Operator):
         if (None, None) in self._bases:
             store_base_map(image, self._bases[None, None])
         assigned = [AssignedTexture(target, (image,), onto.uv_map)]
-        for sentence in export_notes(self.space, self.convention):
-            self.note(sentence)
+        for note in export_notes(self.space, self.convention):
+            self.note(note)
         for sentence in assign_textures(assigned, self.space, self.convention, self._frames):
             self.tell(sentence)
         mark_assets(assigned, self.mark_asset)

@@ -10,14 +10,13 @@ from mathutils import Matrix
 from mpsnet_core.bake.map_list import write_map_list
 from mpsnet_core.bake.operations import WrittenTexture
 from mpsnet_core.bake.presets import PRESETS, check_preset
-from mpsnet_core.errors import InputError
+from mpsnet_core.errors import InputError, Note
 from mpsnet_core.operation import Operation, from_facts
 from mpsnet_core.scene.texture_names import albedo_file
 
 from ..appearance.shader_graph import normal_inputs, uses_nodes
 from ..child_process.core_process import Work
 from ..image_records import images_of, remember, remembered
-from ..images import fine_preview
 from ..operators.core_run import RunsCore
 from ..outputs import output_path, overruled_format, requested_folder
 from ..provenance import Provenance
@@ -183,9 +182,7 @@ class BakeOperator(RunsCore):
             remember(image, SEEN, str(result["seen"]))
             if part in self._bases:
                 store_base_map(image, self._bases[part])
-        scene.mps.bake.image = shown = next(iter(images.values()))
-        if shown.source == "FILE" and not bpy.app.background:
-            fine_preview(shown)
+        scene.mps.bake.image = next(iter(images.values()))
         bake = scene.mps.bake
         assigned = _assigned(existing, images)
         sentences = assign_textures(assigned, bake.space, bake.convention)
@@ -193,8 +190,8 @@ class BakeOperator(RunsCore):
             self.tell(sentence)
         unshown = [*_without_normal(assigned), *_of_modifiers(self._bake_targets)]
         mixed = bake.tiles and any(len({*one.target.material_slots.keys()}) > 1 for one in assigned)
-        for sentence in [*unshown, *export_notes(bake.space, bake.convention, mixed=mixed)]:
-            self.note(sentence)
+        for note in [*unshown, *export_notes(bake.space, bake.convention, mixed=mixed)]:
+            self.note(note)
         mark_assets(assigned, bake.mark_asset)
 
     def _assign_albedo(
@@ -213,12 +210,15 @@ class BakeOperator(RunsCore):
         one = f"Texture written to {result['outputs'][0]['output']}"
         return one if count == 1 else f"{count} textures written to {self._output}"
 
-    def remarks(self, result: dict[str, Any]) -> Sequence[str]:
+    def remarks(self, result: dict[str, Any]) -> Sequence[Note]:
         if "seen" not in result:  # a sequence whose textures all existed
             return ()
-        filled = f", {result['filled']:.0%} filled" if "filled" in result else ""
-        moved = "; was the object or the camera moved since the photo?" if result["seen"] < _HARDLY_SEEN else ""
-        return [f"{result['seen']:.0%} of the surface seen{filled}{moved}"]
+        seen, filled = 100 * result["seen"], 100 * result.get("filled", 0)
+        if result["seen"] < _HARDLY_SEEN:
+            moved = "%.0f%% of the surface seen, %.0f%% filled; was the object or the camera moved since the photo?"
+            return [Note(moved, seen, filled, level="look")]
+        words = "%.0f%% of the surface seen, %.0f%% filled" if "filled" in result else "%.0f%% of the surface seen"
+        return [Note(words, *(seen, filled)[: words.count("%.0f")])]
 
 
 def _assigned(existing: Sequence[tuple[BakeTarget, Any]], images: Mapping[Part, Any]) -> list[AssignedTexture]:
@@ -233,7 +233,9 @@ def bake_target(target: Any, begun: BegunMesh) -> BakeTarget:
 
 def low_frequencies(settings: Any) -> str:
     """The core's option for the size above which shapes come from the mesh instead of the photo."""
-    return f"{settings.level_scale:g}" if settings.level else "off"
+    if settings.level:
+        return f"{settings.level_scale:g}"
+    return "auto" if getattr(settings, "agreed", False) else "off"
 
 
 def target_provenance(settings: Any) -> Provenance:
@@ -259,21 +261,22 @@ def texture_name(settings: Any, name: str) -> str:
     return preset.stem(name)
 
 
-def _without_normal(assigned: Sequence[AssignedTexture]) -> list[str]:
+def _without_normal(assigned: Sequence[AssignedTexture]) -> list[Note]:
     """A sentence for each material, or shader in a group, that cannot take a normal map."""
     sentences = []
     for material in dict.fromkeys(slot.material for one in assigned for slot in one.target.material_slots):
         found, closed = normal_inputs(material)
         if not found and not closed:
-            sentences.append(f'Material "{material.name}" does not show the texture: {_NO_SHADER}')
-        sentences += closed
+            words = 'Material "%s" does not show the texture: %s'
+            sentences.append(Note(words, material.name, _NO_SHADER, level="look"))
+        sentences += [Note(sentence, level="look") for sentence in closed]
     return sentences
 
 
-def _of_modifiers(onto: Sequence[BakeTarget]) -> list[str]:
+def _of_modifiers(onto: Sequence[BakeTarget]) -> list[Note]:
     """A sentence for each material that comes from a modifier instead of a slot, and so gets no texture."""
     return [
-        f'Material "{name}" of "{one.name}" comes from a modifier and does not show the texture'
+        Note('Material "%s" of "%s" comes from a modifier and does not show the texture', name, one.name, level="look")
         for one in onto
         for name in sorted(one.used - set(one.labels))
     ]

@@ -9,17 +9,15 @@ import bpy
 
 from mpsnet_core.errors import InputError
 
-from ..appearance.nodes import NORMAL_NODE, TEXTURE_NODE, find_node, new_material
+from ..appearance.nodes import new_material
 from ..image_records import from_json
 from ..operators.reporting import ReportingOperator
 from ..scene.objects import refuse_linked_scene
-from ..scene.surfaces import bounding_sphere
+from .overlays import add_overlay, baked_texture, remove_overlays
 
 NAME = "MPS Coverage"
 # Lowest coverage value and colour of unseen, filled and seen texels.
 _COLOURS = ((0.0, (0.35, 0.03, 0.02, 1)), (0.1, (0.8, 0.35, 0.03, 1)), (0.9, (0.07, 0.4, 0.1, 1)))
-# Offset of the copy from the object's surface, to make it visible, as a fraction of the object's radius.
-_OUT = 2e-3
 
 
 class MPS_OT_show_coverage(ReportingOperator, bpy.types.Operator):
@@ -69,18 +67,9 @@ def _begin(context: Any) -> None:
     if not shown:
         raise InputError("no object that uses a baked texture is visible; show one")
     for obj in shown:
-        _, radius = bounding_sphere(context.evaluated_depsgraph_get(), [obj])
-        overlay = obj.copy()
-        overlay.name = NAME
-        overlay.hide_render = overlay.hide_select = True
-        scene.mps.bake.overlays.add().object = overlay
-        scene.collection.objects.link(overlay)
         assigned = _assigned(obj)
-        for number, slot in enumerate(overlay.material_slots):
-            slot.link = "OBJECT"
-            slot.material = _material(*assigned[min(number, len(assigned) - 1)])
-        out = overlay.modifiers.new(NAME, "DISPLACE")
-        out.strength, out.mid_level = _OUT * radius / max(max(map(abs, obj.matrix_world.to_scale())), 1e-9), 0
+        of_slots = [assigned[min(number, len(assigned) - 1)] for number in range(len(obj.material_slots))]
+        add_overlay(context, obj, NAME, [_material(*one) for one in of_slots], scene.mps.bake.overlays)
     space = context.space_data
     if hides_materials(space):
         place = [context.screen.name, list(context.screen.areas).index(context.area)]
@@ -89,15 +78,7 @@ def _begin(context: Any) -> None:
 
 
 def _end(bake: Any) -> None:
-    for overlay in [one.object for one in bake.overlays]:
-        if overlay is None:
-            continue
-        materials = [slot.material for slot in overlay.material_slots if slot.link == "OBJECT"]
-        bpy.data.objects.remove(overlay)
-        for material in dict.fromkeys(materials):
-            if material is not None and not material.users:
-                bpy.data.materials.remove(material)
-    bake.overlays.clear()
+    remove_overlays(bake.overlays)
     # Restore the viewport in which it was started, wherever it is ended. A hostile file may hold anything.
     with suppress(ValueError, KeyError, IndexError, TypeError, AttributeError):
         screen, area, before = from_json(bake.shading, list)
@@ -109,13 +90,9 @@ def _end(bake: Any) -> None:
 
 def _assigned(obj: Any) -> list[tuple[Any, str]]:
     """The coverage of the textures in an object's materials, with their UV maps; none for a copy."""
-    found = []
-    for slot in obj.material_slots if obj.type == "MESH" else ():
-        tree = slot.material.node_tree if slot.material else None
-        texture, normal = (find_node(tree, name) for name in (TEXTURE_NODE, NORMAL_NODE)) if tree else (None, None)
-        if texture is not None and texture.image is not None and texture.image.mps.coverage is not None:
-            found.append((texture.image.mps.coverage, normal.uv_map if normal is not None else ""))
-    return found
+    slots = obj.material_slots if obj.type == "MESH" else ()
+    found = [texture for slot in slots if (texture := baked_texture(slot.material)) is not None]
+    return [(image.mps.coverage, uv_map) for image, uv_map in found if image.mps.coverage is not None]
 
 
 def _material(coverage: Any, uv_map: str) -> Any:

@@ -13,7 +13,7 @@ import bpy
 import numpy as np
 from numpy.typing import NDArray
 
-from mpsnet_core.errors import FileError
+from mpsnet_core.errors import FileError, Note
 from mpsnet_core.io.files import temporary_folder
 
 from ..appearance.nodes import GREEN_NODE, NORMAL_NODE, OBJECT_NORMAL_NODE
@@ -23,22 +23,28 @@ from ..openimageio import load_openimageio
 _SUFFIXES = {"image/jpeg": ".jpg", "image/webp": ".webp", "image/png": ".png"}
 
 
-def export_notes(space: str, convention: str, *, mixed: bool = False) -> list[str]:
+def export_notes(space: str, convention: str, *, mixed: bool = False) -> list[Note]:
     """A sentence if exporters would misread a texture of this space and convention; otherwise nothing.
 
     mixed: whether it has UDIM tiles on an object of several materials.
     """
     if mixed:
         return [
-            "UDIM tiles on several materials: Blender's glTF export shows one material's alone; give the object one "
-            "material, or bake without tiles"
+            Note(
+                "UDIM tiles on several materials: Blender's glTF export shows one material's alone; give the object "
+                "one material, or bake without tiles",
+                level="look",
+            )
         ]
     if space == "OBJECT":
-        return ["Object space: a glTF export leaves it out, and other exporters misread it; bake Tangent for them"]
+        words = "Object space: a glTF export leaves it out, and other exporters misread it; bake Tangent for them"
+        return [Note(words)]
     if convention == "DIRECTX":
         return [
-            "DirectX: the material turns its green for Blender, and a glTF export is turned while this add-on is "
-            "enabled; other exporters misread it, bake OpenGL for them"
+            Note(
+                "DirectX: the material turns its green for Blender, and a glTF export is turned while this add-on is "
+                "enabled; other exporters misread it, bake OpenGL for them"
+            )
         ]
     return []
 

@@ -48,7 +48,7 @@ class MPS_OT_bake_views(BakeOperator, ViewsSettings, bpy.types.Operator):
         photo = ("rig_file", "encoding", "dark", "flat", "mask", "mask_file", "background", "threshold")
         shared = ("model", "model_file", *photo)
         # Settings of the step Bake for a single photo, and those that do not affect the texture.
-        others = ("output", "assign", "mark_asset", "level", "level_scale", "animated", "all_rigs")
+        others = ("output", "assign", "mark_asset", "level", "level_scale", "agreed", "animated", "all_rigs")
         stand = {} if scene.estimate.rig_file else lights_provenance(context.scene)
         behind = [] if scene.views.cameras else _with_photos(context.scene)
         return {

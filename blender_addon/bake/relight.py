@@ -11,11 +11,14 @@ import bpy
 from bpy.app.handlers import persistent
 from mathutils import Euler, Matrix, Vector
 
+from ..appearance.nodes import ALBEDO_NODE, find_node
+from ..appearance.shader_graph import shaders_of
 from ..image_records import from_json
 from ..operators.reporting import ReportingOperator
 from ..rig.several_rigs import all_rigs
 from ..scene.objects import refuse_linked_scene
 from ..scene.surfaces import bounding_sphere
+from .overlays import add_overlay, baked_texture, remove_overlays
 
 TICK_SECONDS = 1 / 30
 SECONDS_A_TURN = 14.0
@@ -23,6 +26,17 @@ SECONDS_A_TURN = 14.0
 SLANT, KEY, ANGLE = math.radians(74), 4.0, math.radians(3)
 # The fill comes from the other side, nearer to the viewer.
 FILL_SLANT, FILL = math.radians(-40), 0.25
+NEUTRAL = "MPS Neutral"
+# What hides relief is replaced: colours and gloss.
+_NEUTRAL = {
+    "Base Color": (0.5, 0.5, 0.5, 1.0),
+    "Color": (0.5, 0.5, 0.5, 1.0),
+    "Metallic": 0.0,
+    "Roughness": 0.6,
+    "Transmission Weight": 0.0,
+    "Subsurface Weight": 0.0,
+    "Alpha": 1.0,
+}
 # Material Preview, lit by these lamps and hardly by its own environment.
 _SHADING = {
     "type": "MATERIAL",
@@ -67,6 +81,8 @@ def _begin(context: Any, centre: Vector, radius: float) -> None:
     for obj in (pivot, lamp, fill):
         obj.hide_render = True
         scene.collection.objects.link(obj)
+    if settings.neutral:
+        _show_neutral(context)
     layer = context.view_layer
     settings.view_layer = layer.name
     for light in (light.object for one in all_rigs(scene) for light in one.rig.lights):
@@ -78,6 +94,31 @@ def _begin(context: Any, centre: Vector, radius: float) -> None:
         settings.shading = json.dumps({name: getattr(shading, name) for name in _SHADING})
         _set(shading, _SHADING)
     _swing_on()
+
+
+def _show_neutral(context: Any) -> None:
+    """Let copies in neutral materials stand over visible objects with a baked texture whose albedo is not known."""
+    for obj in [obj for obj in context.view_layer.objects if obj.type == "MESH" and obj.visible_get()]:
+        materials = [slot.material for slot in obj.material_slots]
+        baked = [one for one in materials if baked_texture(one) is not None]
+        if baked and not any(find_node(one.node_tree, ALBEDO_NODE) for one in baked):
+            neutral = {one: _neutral(one) for one in baked}
+            of_slots = [neutral.get(one, one) for one in materials]
+            add_overlay(context, obj, NEUTRAL, of_slots, context.scene.mps.relight.overlays)
+
+
+def _neutral(material: Any) -> Any:
+    """A copy of a material with its normal map, grey and without gloss."""
+    copied = material.copy()
+    copied.name = NEUTRAL
+    own = [shader for shader in shaders_of(copied, all_engines=True) if not shader.groups]  # a group is shared
+    for shader in own:
+        for socket in shader.node.inputs:
+            if socket.name in _NEUTRAL:
+                for link in socket.links:
+                    copied.node_tree.links.remove(link)
+                socket.default_value = _NEUTRAL[socket.name]
+    return copied
 
 
 def _sun(name: str, energy: float, slant: float, pivot: Any, radius: float) -> Any:
@@ -103,6 +144,7 @@ def _end(context: Any) -> None:
         if light is not None and light.name in layer.objects:
             light.hide_set(False, view_layer=layer)
     settings.hidden.clear()
+    remove_overlays(settings.overlays)
     # Restore the viewport in which it was started: the one that still has this shading.
     for shading in _all_shadings() if settings.shading else ():
         if shading.type == _SHADING["type"] and all(
@@ -166,6 +208,17 @@ def _swing_on(*_: Any) -> None:
     if not bpy.app.background and not bpy.app.timers.is_registered(_swing):
         _swung_at = time.monotonic()
         bpy.app.timers.register(_swing)
+
+
+def pause() -> None:
+    """Let the lamp stand still until :func:`resume`: what hides it need not be drawn again."""
+    if bpy.app.timers.is_registered(_swing):
+        bpy.app.timers.unregister(_swing)
+
+
+def resume() -> None:
+    """Let the lamp swing on, if there is one."""
+    _swing_on()
 
 
 HANDLERS = {"load_post": _swing_on}

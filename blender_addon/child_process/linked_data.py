@@ -12,7 +12,7 @@ from typing import Any
 
 import bpy
 
-from mpsnet_core.errors import FileError
+from mpsnet_core.errors import FileError, Note
 
 from ..scene.objects import view_layer
 
@@ -80,12 +80,13 @@ def is_gone(one: Any) -> bool:
     return not Path(bpy.path.abspath(one.filepath, library=one.library)).is_file()
 
 
-def not_found(scene: Any) -> list[str]:
+def not_found(scene: Any) -> list[Note]:
     """A sentence if files that a photo of the scene may show are missing; otherwise nothing."""
     kinds = (bpy.types.Image, bpy.types.VectorFont, bpy.types.Volume, bpy.types.CacheFile)
     single = [one for one in _used(scene) if isinstance(one, kinds) and _is_one_file(one)]
     names = sorted({Path(bpy.path.abspath(one.filepath)).name for one in single if is_gone(one)})
-    return [f"not found, and what they bring may be missing from the render: {', '.join(names)}"] if names else []
+    words = "not found, and what they bring may be missing from the render: %s"
+    return [Note(words, ", ".join(names), level="look")] if names else []
 
 
 def _is_one_file(one: Any) -> bool:

@@ -12,6 +12,8 @@ from typing import Any
 
 import bpy
 
+from mpsnet_core.errors import Note
+
 SCRIPTS_OFF = "scripts are off where this was rendered"
 
 # Session UID, which a file cannot set, of the scene in which the box is ticked. A property of Blender would be saved in
@@ -61,22 +63,27 @@ def take_run_permission() -> bool:
     return ticked or open_file_is_trusted()
 
 
-def python_drivers() -> list[str]:
+def python_drivers() -> list[Note]:
     """A sentence if the open file has drivers that need Python, for a Blender process that never runs scripts."""
     trees = (tree for one in bpy.data.user_map() if (tree := getattr(one, "node_tree", None)))
     for one in (*bpy.data.user_map(), *trees):
         animation = getattr(one, "animation_data", None)
         drivers = [curve.driver for curve in animation.drivers] if animation else []
         if any(driver.type == "SCRIPTED" and not driver.is_simple_expression for driver in drivers):
-            return [f'{SCRIPTS_OFF}: drivers with Python, as "{one.name}" has, keep the values that they had here']
+            words = '%s: drivers with Python, as "%s" has, keep the values that they had here'
+            return [Note(words, SCRIPTS_OFF, one.name, level="look")]
     return []
 
 
-def blocked_scripts_note() -> list[str]:
+def blocked_scripts_note() -> list[Note]:
     """A sentence if this Blender has blocked scripts of the open file, which a render will lack."""
     if not bpy.app.autoexec_fail:
         return []
     return [
-        f"{SCRIPTS_OFF}, and what drivers and text blocks of this file would do is not in it "
-        f"({bpy.app.autoexec_fail_message}); if you trust the file, tick Run Scripts Once and render again"
+        Note(
+            "%s, and what drivers and text blocks of this file would do is not in it (%s); if you trust the file, tick "
+            "Run Scripts Once and render again",
+            *(SCRIPTS_OFF, bpy.app.autoexec_fail_message),
+            level="look",
+        )
     ]

@@ -7,12 +7,12 @@ from typing import Any
 import bpy
 import numpy as np
 
-from mpsnet_core.errors import FileError, GeometryError, SettingsError
+from mpsnet_core.errors import FileError, GeometryError, Note, SettingsError
 from mpsnet_core.scene.camera import read_camera
 from mpsnet_core.scene.operations import CompareNormals
 
 from ..image_records import remembered, sidecar
-from ..images import fine_preview, image_file, load_image
+from ..images import image_file, load_image
 from ..operators.core_run import RunsCore
 from ..outputs import output_path
 from ..provenance import Provenance, file_stamp, stamp
@@ -67,12 +67,11 @@ class MPS_OT_error_map(RunsCore, bpy.types.Operator):
                 "the true normals are of another view than the photo; render them again, or the photo and its normals"
             )
 
-    def remarks(self, result: dict[str, Any]) -> Sequence[str]:
-        return [f"mean error {result['mean']:.2f}°, median {result['median']:.2f}°"]
+    def remarks(self, result: dict[str, Any]) -> Sequence[Note]:
+        return [Note("mean error %.2f°, median %.2f°", result["mean"], result["median"])]
 
     def finish(self, context: Any, result: dict[str, Any]) -> None:
         result_is = f"its error map is in {self._output}"
         estimate = rig_at(self.scene(result_is), self._rig_place, result_is).estimate
         estimate.error_image = image = load_image(self._output, "MPS Errors", is_data=False)
         self.made(image)
-        fine_preview(image)

@@ -7,11 +7,11 @@ from typing import Any
 import bpy
 
 from mpsnet_core.capture.operations import FindMask
-from mpsnet_core.errors import SettingsError
+from mpsnet_core.errors import Note, SettingsError
 from mpsnet_core.estimate.operations import Estimate
 
 from ..image_records import remember, remembered
-from ..images import fine_preview, frame_pattern, image_file, load_frames, load_image
+from ..images import frame_pattern, image_file, load_frames, load_image
 from ..operators.core_run import RunsCore
 from ..outputs import FORMATS, output_frames, output_path, overruled_format
 from ..photo.camera import PLACES, chosen_camera, is_real, lens_stamp
@@ -90,13 +90,15 @@ class MPS_OT_estimate(OnEachRig, EstimateSettings, bpy.types.Operator):
         pictures = [Path(file) for file in (confidence, albedo) if file is not None]
         return operation, [self._output / "frames" if moves else self._output, *pictures]
 
-    def _unused(self, settings: Any, rig_file: str) -> list[str]:
+    def _unused(self, settings: Any, rig_file: str) -> list[Note]:
         """A sentence for each setting that has no effect on this photo."""
         notes = [] if self._moves else overruled_format(self._output, settings)
         if self.rig_file and not rig_file:
-            notes.insert(0, f"{Path(self.rig_file).name} not used: a rendered photo has the rig it was rendered with")
+            words = "%s not used: a rendered photo has the rig it was rendered with"
+            notes.insert(0, Note(words, Path(self.rig_file).name, level="look"))
         if self.white and self._moves:
-            notes.append(f"{Path(self.white).name} not used: a white photo goes with one still photo")
+            words = "%s not used: a white photo goes with one still photo"
+            notes.append(Note(words, Path(self.white).name, level="look"))
         return notes
 
     def _beside(self, what: str) -> str | None:
@@ -172,5 +174,4 @@ class MPS_OT_show_mask(RunsCore, EstimateSettings, bpy.types.Operator):
         estimate = rig_at(self.scene(result_is), self._rig_place, result_is).estimate
         estimate.mask_image = image = load_image(self._overlay, "MPS Mask", is_data=False)
         self.made(image)
-        fine_preview(image)
         self.tell(f"The object covers {result['share']:.1%} of the photo; mask written to {result['output']}")

@@ -8,7 +8,7 @@ import bpy
 import numpy as np
 from mathutils import Matrix
 
-from mpsnet_core.errors import InputError
+from mpsnet_core.errors import InputError, Note
 from mpsnet_core.relief.operations import Integrate
 
 from ..appearance.displacement import (
@@ -26,7 +26,7 @@ from ..bake.bake_operator import BakeOperator
 from ..bake.texture_owners import store_owners
 from ..bake.texture_sets import AssignedTexture, ensure_own_materials, keep_materials_to_itself, with_tokens
 from ..image_records import remembered
-from ..images import fine_preview, image_file, load_image, load_tiles, tile_files
+from ..images import image_file, load_image, load_tiles, tile_files
 from ..outputs import output_path, overruled_format
 from ..provenance import Provenance, chosen, stamp
 from ..scene.mesh_file import begin_mesh
@@ -43,6 +43,12 @@ _TEXELS_A_FACE, _MOST_FACES, _MOST_LEVELS, _MATERIAL_LEVELS = 3, 400_000, 6, 2
 _EDGES_A_BUMP, _BROADEST = 4, (0.01, 0.25)
 # Vertices of a subdivided mesh lie on the limit surface at any level; a finer one adds hardly anything.
 MAX_BASE_LEVELS = 3
+
+_DERIVED = "%d subdivisions, and bumps up to %.1f%% of its size"
+_FLAT = (
+    "the relief is %.2f%% of the object's size: it hardly shows; choose a larger Broadest, a larger Strength in the "
+    "step Bake, or keep the normal map"
+)
 
 
 class MPS_OT_displace(BakeOperator, DisplaceSettings, bpy.types.Operator):
@@ -80,7 +86,7 @@ class MPS_OT_displace(BakeOperator, DisplaceSettings, bpy.types.Operator):
             self.levels, self.scale = _suited(target, max(image.size))
             if self.method == "MATERIAL":  # renders bumps between the vertices; facets show more in finer shadows
                 self.levels = min(self.levels, _MATERIAL_LEVELS)
-            self._notes = [*self._notes, f"{self.levels} subdivisions, and bumps up to {self.scale:.1%} of its size"]
+            self._notes = [*self._notes, Note(_DERIVED, self.levels, 100 * self.scale)]
         context.view_layer.update()
         # In object axes, but at world size: modifiers displace in object space, even under non-uniform scale.
         turn = Matrix.Scale(self._size, 4) @ target.matrix_world.inverted()
@@ -128,9 +134,7 @@ class MPS_OT_displace(BakeOperator, DisplaceSettings, bpy.types.Operator):
         if target is None:
             raise InputError(f"the target is gone; its heights are in {self._output}")
         image = _loaded(self._output, result["tiles"], f"MPS {target.name} Height")
-        if not result["tiles"]:
-            fine_preview(image, stretched=True)
-        self.made(image)
+        self.made(image, stretched=True)
         normals = None
         if self._normals:
             normals = _loaded(self._normals, result["tiles"], f"MPS {target.name} Object Normal")
@@ -140,10 +144,8 @@ class MPS_OT_displace(BakeOperator, DisplaceSettings, bpy.types.Operator):
         off = "; the normal map is off, the displaced surface alone is shaded" if normals_off else ""
         size = max(target.dimensions)
         if height["highest"] - height["lowest"] < _INVISIBLE * size:
-            self.note(
-                f"the relief is {(height['highest'] - height['lowest']) / max(size, 1e-12):.2%} of the object's size: "
-                "it hardly shows; choose a larger Broadest, a larger Strength in the step Bake, or keep the normal map"
-            )
+            relief = 100 * (height["highest"] - height["lowest"]) / max(size, 1e-12)
+            self.note(Note(_FLAT, relief, level="look"))
         self.tell(
             f"Displaced by {height['lowest']:.3g} to {height['highest']:.3g}; heights written to {self._output}{off}"
         )
@@ -166,7 +168,8 @@ class MPS_OT_displace(BakeOperator, DisplaceSettings, bpy.types.Operator):
         normals_off = False
         for material in ensure_own_materials(assigned):
             if by_material and output_of(material) is None:
-                self.note(f'Material "{material.name}" has no Material Output and is not displaced')
+                words = 'Material "%s" has no Material Output and is not displaced'
+                self.note(Note(words, material.name, level="look"))
             elif by_material:
                 for name in assign_displacement(material, image, self._uv_map, strength, midlevel):
                     self.tell(f'The heights took the place of "{name}" in material "{material.name}"')

@@ -14,7 +14,7 @@ from mpsnet_core.relief.operations import Integrate
 from mpsnet_core.scene.camera import read_camera
 
 from ..image_records import remembered
-from ..images import fine_preview, image_file, load_image
+from ..images import image_file, load_image
 from ..operators.core_run import RunsCore
 from ..outputs import output_path, overruled_format
 from ..photo.align import mesh_of_photo
@@ -95,8 +95,7 @@ class MPS_OT_integrate(RunsCore, HeightsSettings, bpy.types.Operator):
         scene = self.scene(result_is)
         estimate = rig_at(scene, self._rig_place, result_is).estimate
         image = load_image(self._output, "MPS Height", is_data=True)
-        self.made(image)
-        fine_preview(image, stretched=True)
+        self.made(image, stretched=True)
         scene.mps.heights.image = image
         for what, picture in self._pictures.items():
             shown = load_image(picture, f"MPS {PICTURES[what]}", is_data=what != "relit")

@@ -26,6 +26,7 @@ class RunsSteps(ReportingOperator):
 
     bl_options = {"UNDO"}
     first_message = "starting"
+    drawn: Callable[[], None]  # draws over the viewports meanwhile; a static method
     _called = ""  # the operator whose result is awaited
 
     @classmethod
@@ -54,6 +55,7 @@ class RunsSteps(ReportingOperator):
         self._left = list(self.steps())
         self._ticks = 0
         self._timer = manager.event_timer_add(TICK_SECONDS, window=context.window)
+        self._drawing = bpy.types.SpaceView3D.draw_handler_add(self.drawn, (), "WINDOW", "POST_PIXEL")
         manager.modal_handler_add(self)
         return {"RUNNING_MODAL"}
 
@@ -103,6 +105,7 @@ class RunsSteps(ReportingOperator):
     def _end(self, context: Any, how: str) -> set[Any]:
         manager = context.window_manager
         manager.event_timer_remove(self._timer)
+        bpy.types.SpaceView3D.draw_handler_remove(self._drawing, "WINDOW")
         if manager.mps.running == self.bl_idname:
             manager.mps.running = ""
         manager.mps.chain = ""

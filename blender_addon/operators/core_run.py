@@ -10,14 +10,13 @@ from typing import Any
 
 import bpy
 
-from mpsnet_core.errors import FileError
+from mpsnet_core.errors import FileError, Note
 from mpsnet_core.io.files import resolved, temporary_folder
 
 from ..child_process.core_process import CORE, CoreProcess, Program, Work, run
 from ..outputs import is_permanent
 from ..provenance import refuse_to_overwrite
 from ..scene.mesh_file import Slices
-from ..settings.messages import in_blender
 from .progress import Pace, cursor_progress, redraw_panels, time_left_text
 from .reporting import ReportingOperator, verb_of
 
@@ -92,7 +91,7 @@ class RunsCore(ReportingOperator):
     """
 
     bl_options = {"UNDO"}
-    _notes: Sequence[str] = ()  # of `prepare`, in addition to the core's
+    _notes: Sequence[Note] = ()  # of `prepare`, in addition to the core's
     _omitted_notes: Sequence[str] = ()  # redundant notes of the core
     _slices: list[Slices]
     _outputs: set[Path]
@@ -132,7 +131,7 @@ class RunsCore(ReportingOperator):
         """Load the core's result into Blender. Its notes are reported and stored already."""
         raise NotImplementedError
 
-    def remarks(self, result: dict[str, Any]) -> Sequence[str]:
+    def remarks(self, result: dict[str, Any]) -> Sequence[Note]:
         """Remarks on the core's result, as sentences that stay with the step."""
         return ()
 
@@ -172,20 +171,20 @@ class RunsCore(ReportingOperator):
         self._outputs.update(meant)
 
     def _finished(self, context: Any, result: dict[str, Any]) -> None:
-        self._stored: list[str] = []
-        notes = [note for note in result.get("notes", []) if note not in self._omitted_notes]
-        for sentence in [*self._notes, *notes, *result.get("failed", []), *self.remarks(result)]:
-            self.note(sentence)
+        self._stored: list[Note] = []
+        told = [note for note in map(Note.from_facts, result.get("told", ())) if note not in self._omitted_notes]
+        failed = [Note(sentence, level="look") for sentence in result.get("failed", ())]
+        for note in [*self._notes, *told, *failed, *self.remarks(result)]:
+            self.note(note)
         self.finish(context, result)
-        facts = {name: value for name, value in result.items() if name not in {"text", "notes", "failed"}}
+        facts = {name: value for name, value in result.items() if name not in {"text", "notes", "told", "failed"}}
         facts["written"] = [file for file in result.get("written", []) if is_permanent(Path(file))]
         self._store_record(notes=self._stored, result=facts)
 
-    def note(self, sentence: str) -> None:
-        """Report a sentence that stays with the step; called by `finish`."""
-        sentence = in_blender(sentence)
-        self.tell(sentence)
-        self._stored.append(sentence)
+    def note(self, note: Note) -> None:
+        """Report a note that stays with the step; called by `finish`."""
+        self.tell(note, "INFO" if note.level == "good" else "WARNING")
+        self._stored.append(note)
 
     def invoke(self, context: Any, event: bpy.types.Event) -> set[Any]:
         if bpy.app.background:
@@ -227,7 +226,7 @@ class RunsCore(ReportingOperator):
         if context.window_manager.mps.cancel or (event.type == "ESC" and event.value == "PRESS"):
             self.cancel(context)
             self.tell("Cancelled")
-            return self._ended()
+            return self._ended() | {"PASS_THROUGH"}  # Esc ends what began it, too, as the picking of points
         if event.type != "TIMER":
             return {"PASS_THROUGH"}
         job, process = self._job, self._job.process

@@ -2,17 +2,18 @@
 
 import inspect
 import logging
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import bpy
 from bpy.props import FloatProperty, IntProperty
 
-from mpsnet_core.errors import Cancelled, InputError, SettingsError
+from mpsnet_core.errors import Cancelled, InputError, Note, SettingsError
 from mpsnet_core.io.crash_log import describe_unexpected_error
 
 from ..child_process.core_process import CoreCrashed
 from ..errors import system_report
+from ..images import fine_preview
 from ..provenance import Provenance, store_provenance
 from ..scene.objects import by_session_uid
 from ..settings.declared import StringSetting
@@ -57,8 +58,9 @@ class ReportingOperator(bpy.types.Operator):
 
     def tell(self, message: str, kind: str = "INFO") -> None:
         """Report a note, to Blender and to the log: without a window, nobody sees Blender's reports."""
+        message = in_blender(message)
         self.report({kind}, message)
-        log.info("%s%s", self._whose, message)
+        log.log(logging.INFO if kind == "INFO" else logging.WARNING, "%s%s", self._whose, message)
 
     @classmethod
     def lacks(cls, context: Any) -> str:
@@ -95,9 +97,15 @@ class ReportingOperator(bpy.types.Operator):
             raise InputError(f"the scene that this was made for is gone; {result}")
         return scene
 
-    def made(self, image: bpy.types.Image) -> None:
-        """Store its inputs with the resulting image; called once it exists."""
+    def made(self, image: bpy.types.Image, *, stretched: bool = False) -> None:
+        """Store its inputs with the resulting image, and unfold it in the panel; called once it exists.
+
+        stretched: see :func:`.fine_preview`.
+        """
         store_provenance(image, verb_of(self.bl_idname), self._made_from)
+        image.mps.shown = True
+        if image.source == "FILE" and (stretched or not bpy.app.background):
+            fine_preview(image, stretched=stretched)
 
     def begin(self, context: Any) -> None:
         """Called first: clear the record of an earlier run."""
@@ -140,7 +148,7 @@ class ReportingOperator(bpy.types.Operator):
         self.report({"ERROR"}, sentence)
 
     def _store_record(
-        self, *, error: str = "", notes: list[str] | None = None, result: Mapping[str, Any] | None = None
+        self, *, error: str = "", notes: Sequence[Note] = (), result: Mapping[str, Any] | None = None
     ) -> None:
         scene = by_session_uid(bpy.data.scenes, self._scene_uid)
         if scene is not None:

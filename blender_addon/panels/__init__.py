@@ -3,10 +3,10 @@
 import bpy
 
 from ..registration import classes_in
-from . import bake, estimate, heights, lights, material, models, photo, rig, samples, start, views
+from . import bake, estimate, heights, lights, material, models, photo, rig, samples, start, traffic_light, views
 
 # In the sidebar's order.
-_STEPS = (models, start, rig, photo, lights, estimate, bake, heights, views, material, samples)
+_STEPS = (traffic_light, models, start, rig, photo, lights, estimate, bake, heights, views, material, samples)
 
 CLASSES = [cls for step in _STEPS for cls in classes_in(step)]
 

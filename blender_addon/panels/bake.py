@@ -5,9 +5,10 @@ from typing import Any
 
 from mpsnet_core.errors import InputError
 
-from ..bake.bake import NO_CAMERA
+from ..bake.bake import NO_CAMERA, POOR_FIT
 from ..bake.bake_operator import check_shows_normals
 from ..bake.base_maps import usable_maps
+from ..bake.before_after import comparing
 from ..bake.coverage import hides_materials
 from ..bake.texture_sets import BakeTarget, with_tokens
 from ..bake.unwrap import lacks_uvs
@@ -16,10 +17,9 @@ from ..photo.camera import chosen_camera
 from ..rig.light_rig import rig_camera
 from ..scene.mesh_file import slot_labels
 from ..scene.objects import check_in_scene, target_of
-from ..settings.record import error_of
+from ..settings.record import error_of, notes_of
 from .photo_inputs import lacks_file, lacks_named
 from .step import Step, target_name
-from .text import across_sidebar, wrapped
 
 
 class MPS_PT_bake(Step):
@@ -36,23 +36,30 @@ class MPS_PT_bake(Step):
         normals = context.scene.mps.estimate.image
         moves = normals is not None and normals.source == "SEQUENCE" and "animated"
         target = bake.objects == "ACTIVE" and "target"
-        several = bool(context.scene.mps.rigs) and "all_rigs"
+        several = len(context.scene.mps.rigs) > 1 and "all_rigs"
         self.column(bake, "objects", target, "preset", "size", moves, several, target=target_name(context))
         if lacks_uvs(target_of(context)):
             self.layout.operator("mps.unwrap", icon="UV")
             self.failure(context.scene, "unwrap")
+        photo = context.scene.mps.estimate.image and context.scene.mps.estimate.image.mps.photo
+        if photo and photo.mps.poor and not notes_of(context.scene, "bake"):
+            self.told(context, "fit", [POOR_FIT])
         self.progress_or(context, "bake", "TEXTURE")
         offer_anyway(self.layout, context.scene, "bake")
         if bake.image and hides_materials(context.space_data):
-            wrapped(self.layout, "This viewport's shading hides the texture. Material Preview shows it", icon="INFO")
+            show = self.layout.operator("wm.context_set_enum", text="Show in Viewport", icon="SHADING_TEXTURE")
+            show.data_path, show.value = "space_data.shading.type", "MATERIAL"
         lit = context.scene.mps.relight.lamp is not None
         if bake.image or lit or bake.overlays:
             row = self.layout.row(align=True)
             row.operator("mps.relight", icon="LIGHT_SUN", depress=lit)
             row.operator("mps.show_coverage", icon="OVERLAY", depress=bool(bake.overlays))
-            for verb in ("relight", "show_coverage"):
+            self.layout.operator("mps.before_after", icon="SPLIT_VERTICAL", depress=comparing())
+            if not lit:
+                self.column(context.scene.mps.relight, "neutral")
+            for verb in ("relight", "show_coverage", "before_after"):
                 self.failure(context.scene, verb)
-        self.picture(bake.image, across_sidebar())
+        self.picture(bake.image)
 
 
 def offer_anyway(layout: Any, scene: Any, verb: str) -> None:
@@ -162,4 +169,4 @@ class MPS_PT_detail(Step):
         bake = context.scene.mps.bake
         self.column().prop(bake, "strength", slider=True)
         onto = (bake.onto and name for name in ("onto_file", bake.onto_file and "onto_convention", "onto_shown"))
-        self.column(bake, "level", bake.level and "level_scale", "onto", *onto, onto_file="The material's")
+        self.column(bake, "level", "level_scale" if bake.level else "agreed", "onto", *onto, onto_file="The material's")

@@ -31,9 +31,9 @@ class MPS_PT_estimate(Step):
             wrapped(lines, f"Lights: {lights_of(scene).words}")
             wrapped(lines, f"Camera: {camera_of(scene) or 'far away, no lens known'}")
         self.progress_or(context, "estimate", "NORMALS_FACE")
-        self.picture(estimate.image, folded="normals")
+        self.picture(estimate.image)
         if estimate.albedo_image:
-            self.picture(estimate.albedo_image, folded="albedo")
+            self.picture(estimate.albedo_image)
 
 
 class MPS_PT_estimate_options(Step):
@@ -71,4 +71,4 @@ class MPS_PT_truth(Step):
     def draw(self, context: Any) -> None:
         self.progress_or(context, "render_truth", "NORMALS_VERTEX", text="True Normals")
         self.progress_or(context, "error_map", "IMAGE_DATA")
-        self.picture(context.scene.mps.estimate.error_image, scale=12)
+        self.picture(context.scene.mps.estimate.error_image)

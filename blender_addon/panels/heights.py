@@ -5,7 +5,6 @@ from typing import Any
 from .bake import lacks_targets
 from .photo_inputs import lacks_file
 from .step import Step, target_name
-from .text import across_sidebar
 
 
 class MPS_PT_heights(Step):
@@ -27,7 +26,7 @@ class MPS_PT_heights(Step):
         self.column(heights, "method", "distance", "file_format", "output")
         self.column(heights, "mesh", heights.mesh and "faces", "curvature", "occlusion", "relit", heading="Make")
         self.progress_or(context, "integrate", "OUTLINER_DATA_LIGHTPROBE")
-        self.picture(heights.image, across_sidebar())
+        self.picture(heights.image)
 
 
 class MPS_PT_displace(Step):
@@ -49,4 +48,4 @@ class MPS_PT_displace(Step):
         chosen = ("method", "automatic", manual and "levels", subdivision, manual and "scale")
         self.column(displace, *chosen, "keep_normals", "file_format", "output")
         self.progress_or(context, "displace", "MOD_DISPLACE")
-        self.picture(displace.image, across_sidebar())
+        self.picture(displace.image)

@@ -2,21 +2,27 @@
 
 from typing import Any
 
+from bpy.app.translations import pgettext_iface as iface
+
+from mpsnet_core.errors import Note
 from mpsnet_core.scene.rig import LightRig
 
 from ..photo.find_lights import from_ball, places_of_ball
 from ..photo.options import rig_file_for
 from ..rig.light_rig import COLOURS
-from ..settings.declared import OWN_SENSE
+from ..settings.messages import OWN_SENSE
 from .photo_inputs import lights_of
-from .step import Step, sentence, target_name
+from .step import Step, target_name
 from .text import wrapped
+
+NO_RIG = "No rig needed: the photo shows its lights"
 
 
 class MPS_PT_lights(Step):
     bl_label = "2  Lights"
     way = "PHOTOGRAPH"
     verbs = ("calibrate_lights", "calibrate_mixing")
+    codes = ("lights-found", "wrong-rig", "room-light", "unknown-mixing")
     optional = True
 
     @classmethod
@@ -32,11 +38,11 @@ class MPS_PT_lights(Step):
         estimate, photo, lights = scene.mps.estimate, scene.mps.photo.image, lights_of(scene)
         row = self.column().row()
         row.active = not estimate.rig_file or bool(rig_file_for(photo, estimate))
-        row.prop(estimate, "rig_file", placeholder="Automatic")
-        if lights.lacks or lights.doubt:
-            wrapped(self.layout, sentence(lights.lacks or lights.doubt), icon="ERROR")
+        self.field(row, estimate, "rig_file", placeholder="Automatic")
+        doubts = [Note(text, level="look") for text in (lights.lacks, lights.doubt) if text]
+        self.told(context, "lights", doubts)
         if lights.error is not None:
-            wrapped(self.layout, f"No rig: lights are {lights.words}. A rig gains up to 1.5°", icon="INFO")
+            wrapped(self.layout, iface(NO_RIG), icon="INFO")
         if lights.rig is not None:
             light_table(self.layout, lights.rig)
 
@@ -61,7 +67,7 @@ class MPS_PT_calibrate(Step):
             self.column(context.scene.mps.bake, "target", target=target_name(context))
         lamps = calibrate.source == "LAMPS"
         if lamps:
-            self.column().prop(calibrate, "ball", text="Red")
+            self.field(self.column(), calibrate, "ball", text="Red")
         photos = ("second_light", "third_light") if lamps else ("ball", "second_ball")
         ball = (*photos, "lens", "ball_radius", "encoding") if from_ball(calibrate) else ()
         self.column(calibrate, *ball, "output", second_ball="For positions")
@@ -73,7 +79,7 @@ class MPS_PT_calibrate(Step):
             self._found(calibrate)
 
     def _found(self, calibrate: Any) -> None:
-        self.picture(calibrate.image, scale=12)
+        self.picture(calibrate.image)
         box = self.layout.box()
         rows = [line.split("|") for line in calibrate.summary.splitlines()]
         grid = box.grid_flow(row_major=True, columns=len(rows[0]), even_columns=True)

@@ -6,7 +6,7 @@ from ..image_records import remembered
 from .models import MPS_MT_material_models, model_menu
 from .photo_inputs import NO_LIGHTS, lacks_file, lights_of
 from .step import Step
-from .text import across_sidebar, wrapped
+from .text import wrapped
 
 
 class MPS_PT_material(Step):
@@ -36,7 +36,7 @@ class MPS_PT_material(Step):
         self.progress_or(context, "make_material", "MATERIAL")
         if material.summary:
             wrapped(self.layout, material.summary)
-        self.picture(material.image, across_sidebar())
+        self.picture(material.image)
 
 
 class MPS_PT_material_crop(Step):

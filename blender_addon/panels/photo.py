@@ -15,7 +15,7 @@ from ..rig.light_rig import last_evaluated_rig, rig_camera
 from ..scene.camera import scene_camera
 from ..settings.record import notes_of
 from .photo_inputs import NEEDED_FILE, lacks_file, lacks_mask, lights_of
-from .step import Step, sentence, target_name
+from .step import Step, target_name
 from .text import wrapped
 
 
@@ -23,6 +23,7 @@ class MPS_PT_photo(Step):
     bl_label = "Photo"
     verbs = ("open_photo", "render_photo")
     shows = "photo"
+    codes = ("transfer-curve", "clipped-photo", "channels-alike", "black-channel", "no-mask", "doubtful-mask")
 
     @classmethod
     def verb(cls, context: Any) -> str:
@@ -58,9 +59,11 @@ class MPS_PT_photo(Step):
                 self.progress_of(context, other)
             if other != "render_photo" or verb != other:
                 self.failure(context.scene, other)
-        self.picture(photo.image, folded="photo")
+        self.picture(photo.image)
         if verb == "open_photo" and photo.image is not None:
             self.progress_or(context, "check_photo", "VIEWZOOM")
+            if is_real(photo.image):
+                self.picture(context.scene.mps.align.image)
 
     def _render(self, context: Any, photo: Any) -> None:
         column = self.column()
@@ -69,6 +72,7 @@ class MPS_PT_photo(Step):
         size.prop(photo, "height")
         notes = [note for verb in ("render_photo", "render_truth") for note in notes_of(context.scene, verb)]
         column.prop(photo, "samples")
+        column.prop(photo, "white")
         if any(SCRIPTS_OFF in note for note in notes) or bpy.app.autoexec_fail:
             column.prop(context.window_manager.mps, "run_scripts")
         self.progress_or(context, "render_photo", "RENDER_STILL")
@@ -141,8 +145,6 @@ class MPS_PT_align(Step):
         self.layout.operator("mps.pick_points", icon="CURSOR", depress=picking())
         self.progress_or(context, "align_photo", "CAMERA_DATA")
         if photo.fit:
-            wrapped(self.layout, sentence(photo.fit), icon="ERROR" if photo.poor else "CHECKMARK")
-            self.picture(align.image, folded="overlay")
             self.layout.operator("mps.look_through", icon="VIEW_CAMERA")
 
 
@@ -169,7 +171,7 @@ class MPS_PT_mask(Step):
             column.prop(estimate, "threshold", slider=True)
         self.progress_or(context, "show_mask", "MOD_MASK")
         self.progress_or(context, "paint_mask", "BRUSH_DATA")
-        self.picture(estimate.mask_image, scale=12)
+        self.picture(estimate.mask_image)
 
 
 class MPS_PT_real(Step):

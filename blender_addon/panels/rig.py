@@ -11,8 +11,9 @@ from ..rig.rig import rig_objects
 from ..scene.surfaces import SURFACES
 from .lights import light_table
 from .photo_inputs import Lights, lights_of, virtual_rig
-from .step import Kind, State, Step, sentence
-from .text import wrapped
+from .step import Kind, State, Step
+from .text import across_sidebar, wrapped
+from .traffic_light import sentence
 
 # Types of objects that can have a surface.
 _SURFACES = {*SURFACES, "EMPTY"}
@@ -62,16 +63,12 @@ class MPS_PT_rig(Step):
         self.failure(scene, "light_preview")
         if preview is None:
             return
-        header, body = self.foldable("light_preview")
-        header.label(text="Photo and Normals")
         if preview.error:
             wrapped(self.layout, sentence(preview.error), icon="ERROR")
-        if not body:
-            return
-        row = body.row()
+        row = self.layout.row()
         for icon in preview.icons.values():
-            row.template_icon(icon_value=icon.icon_id, scale=6)
-        body.label(text="Orange: two lights. Red: one. Black: none")
+            row.template_icon(icon_value=icon.icon_id, scale=across_sidebar() / 2)
+        self.layout.label(text="Orange: two lights. Red: one. Black: none")
 
 
 def _standing_lights(scene: Any) -> Lights:

@@ -33,4 +33,4 @@ class MPS_PT_samples(Step):
         found = samples_status(target)
         if found and not context.window_manager.mps.running:
             self.layout.label(text=f"{found} in this folder")
-        self.picture(samples.image, scale=12)
+        self.picture(samples.image)

@@ -28,7 +28,7 @@ class MPS_PT_start(Step):
     def _rigs(self, mps: Any) -> None:
         """The list of several rigs, not shown for a single one."""
         column = self.layout.column(align=True)
-        for number, one in enumerate(mps.rigs):
+        for number, one in enumerate(mps.rigs if len(mps.rigs) > 1 else ()):
             row = column.row(align=True)
             chosen = number == mps.chosen_rig
             icon = "RADIOBUT_ON" if chosen else "RADIOBUT_OFF"

@@ -7,11 +7,14 @@ notes, progress, time left and the inputs of a result come from the operators (`
 ``provenance``).
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import Enum
 from typing import Any
 
 import bpy
+
+from mpsnet_core.errors import Note
 
 from ..image_records import origin
 from ..operators.reporting import ReportingOperator, verb_of
@@ -19,11 +22,11 @@ from ..outputs import is_safe_to_open
 from ..provenance import cached_file_sizes, changed_since, made_by, made_when
 from ..rig.several_rigs import OnEachRig
 from ..scene.objects import target_of
-from ..settings.messages import in_blender
-from ..settings.record import error_of, notes_of
-from .text import fitted, verdict, wrapped
+from ..settings.record import all_notes, error_of, notes_of
+from .text import across_sidebar, fitted, wrapped
+from .traffic_light import sentence, traffic_light
 
-FOLDED = True  # whether images of results are folded at first
+FOLDED = True  # whether the notes of steps are folded at first
 
 
 class Kind(Enum):
@@ -34,6 +37,7 @@ class Kind(Enum):
     RUNNING = ("Running", "SORTTIME")
     DONE = ("Done", "CHECKMARK")
     OUT_OF_DATE = ("Out of Date", "FILE_REFRESH")
+    STOP = ("Stop", "STRIP_COLOR_01")
     FAILED = ("Failed", "ERROR")
 
     @property
@@ -63,6 +67,7 @@ class Step(bpy.types.Panel):
     way = ""  # the way to a photo that shows it, see MPS_PG_scene; "" for both
     verbs: tuple[str, ...] = ()
     shows = ""  # name of the settings group whose image is the result
+    codes: tuple[str, ...] = ()  # notes with these are shown here alone, whichever run they are of
     optional = False  # an optional step shows no state until it is done
 
     @classmethod
@@ -101,6 +106,8 @@ class Step(bpy.types.Panel):
         changed = _changed(context, result) if isinstance(result, bpy.types.Image) else []
         if changed:
             return State(Kind.OUT_OF_DATE, f"Changed since: {', '.join(changed)}")
+        if stops := [note for verb in cls.verbs for note in notes_of(context.scene, verb) if note.level == "stop"]:
+            return State(Kind.STOP, sentence(stops[0]))
         return State(Kind.DONE)
 
     def draw_header_preset(self, context: Any) -> None:
@@ -111,7 +118,7 @@ class Step(bpy.types.Panel):
         if self.optional and kind in {Kind.TO_DO, Kind.READY}:
             return
         row = self.layout.row()
-        row.alert = kind is Kind.FAILED
+        row.alert = kind in {Kind.FAILED, Kind.STOP}
         # Greyed out: it needs no attention.
         row.active = kind is not Kind.TO_DO
         row.label(text=kind.word, icon=kind.icon)
@@ -121,12 +128,23 @@ class Step(bpy.types.Panel):
         column = self.layout.column(heading=heading)
         column.use_property_split = True
         column.use_property_decorate = False
-        for name in filter(None, names):
+        for name in map(str, filter(None, names)):
             row: dict[str, str] = {"placeholder": placeholders[name]} if name in placeholders else {}
             if name == "output":  # "Texture File" is "File" in its own step
                 row = {"placeholder": "Automatic", "text": group.bl_rna.properties[name].name.split()[-1], **row}
-            column.prop(group, name, **row)
+            self.field(column, group, name, **row)
         return column
+
+    @staticmethod
+    def field(column: Any, group: Any, name: str, **row: Any) -> None:
+        """A setting in a row of a column; of a file that is read, with the list of the files that it takes."""
+        if group.bl_rna.properties[name].subtype != "FILE_NAME":
+            column.prop(group, name, **row)
+            return
+        column = column.row(align=True)
+        column.prop(group, name, **row)
+        choose = column.operator("mps.choose_file", text="", icon="FILEBROWSER")
+        choose.group, choose.setting = group.path_from_id(), name
 
     def progress_or(self, context: Any, verb: str, icon: str, text: str = "", lacks: str = "") -> None:
         """The button of an operator of the step, with what is missing above it and errors below.
@@ -149,11 +167,24 @@ class Step(bpy.types.Panel):
             row.operator(f"mps.{verb}", icon=icon, text=text)
         else:
             row.operator(f"mps.{verb}", icon=icon)
-        if scene.mps.rigs and issubclass(_operator(verb), OnEachRig):
+        if len(scene.mps.rigs) > 1 and issubclass(_operator(verb), OnEachRig):
             row.operator(f"mps.{verb}", text="All Rigs").all_rigs = True
         self.failure(scene, verb)
         if not lacking:  # no notes on a result whose inputs are missing
-            verdict(self.layout, verb, [sentence(note) for note in notes_of(scene, verb)])
+            self.told(context, verb, notes_of(scene, verb))
+
+    def told(self, context: Any, name: str, notes: Sequence[Note] = ()) -> None:
+        """Show a light for these notes and all others that belong here. name: of the fold."""
+        groups = [getattr(context.scene.mps, step) for step in ("estimate", "bake", "views", "heights", "align")]
+        traffic_light(self.layout, name, self.notes_here(context, notes), groups, folded=FOLDED)
+
+    @classmethod
+    def notes_here(cls, context: Any, notes: Sequence[Note] = ()) -> list[Note]:
+        """These notes, but for those that another step shows, and all that this step shows whatever run they are of."""
+        others = {code for step in Step.__subclasses__() if step.poll(context) for code in step.codes}
+        here = [note for note in all_notes(context.scene.mps) if note.code in cls.codes]
+        kept = [note for note in notes if note.code not in others.difference(cls.codes)]
+        return list({note.code or note: note for note in (*here, *kept)}.values())
 
     def progress_of(self, context: Any, verb: str) -> bool:
         """Show the progress of a running operator. Returns whether it runs."""
@@ -182,15 +213,10 @@ class Step(bpy.types.Panel):
         row.operator("mps.dismiss", text="", icon="X", emboss=False).verb = verb
         wrapped(box, sentence(error))
 
-    def foldable(self, name: str) -> tuple[Any, Any]:
-        """Header and body of a foldable section. The body is None while it is folded."""
-        header, body = self.layout.panel(f"MPS_{name}", default_closed=FOLDED)
-        return header, body
+    def picture(self, image: Any) -> None:
+        """Show an image that a step made, as wide as the sidebar: whether it is out of date, its time and its file.
 
-    def picture(self, image: Any, scale: float = 8, *, folded: str = "") -> None:
-        """Show an image that a step made: its preview, whether it is out of date, its time and its file.
-
-        folded: name of a foldable section for the preview, whose state Blender stores with the window.
+        It can be folded, and unfolds when it is made anew.
         """
         if image is None:
             return
@@ -199,15 +225,12 @@ class Step(bpy.types.Panel):
         if changed:
             wrapped(self.layout, f"Out of date. Changed since: {', '.join(changed)}", icon="FILE_REFRESH")
         path = origin(image)
-        if folded:
-            row, body = self.foldable(folded)
-        else:
-            body, row = self.layout, None
+        row, body = self.layout.panel_prop(image.mps, "shown")
         if body:
-            body.template_icon(icon_value=image.preview_ensure().icon_id, scale=scale)
-        row = row or self.layout.row()
+            body.template_icon(icon_value=image.preview_ensure().icon_id, scale=across_sidebar())
         when = made_when(image)
-        row.label(text=fitted(f"{when}  {path.name}" if when else path.name, take=2.5 if folded else 1.5))
+        row.label(text=fitted(f"{when}  {path.name}" if when else path.name, take=4))
+        row.operator("mps.show_image", text="", icon="IMAGE_DATA", emboss=False).image = image.session_uid
         if is_safe_to_open(path.parent):
             row.operator("wm.path_open", text="", icon="FILE_FOLDER", emboss=False).filepath = str(path.parent)
 
@@ -228,9 +251,3 @@ def _changed(context: Any, image: Any) -> list[str]:
     if operator is None or not issubclass(operator, ReportingOperator):
         return []
     return changed_since(image, operator.provenance(context))
-
-
-def sentence(text: str) -> str:
-    """A message as a sentence of the panel."""
-    text = in_blender(text)
-    return text[:1].upper() + text[1:]

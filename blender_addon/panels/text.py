@@ -1,7 +1,6 @@
 """Text layout in a panel, to the width of the region, for any UI scale and script."""
 
-import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from typing import Any
 
 import blf
@@ -15,12 +14,7 @@ _BESIDE = 3.2
 _ICON = 1.1
 _MIN_WIDTH = 4.0
 _WIDGET = 20.0
-# Notes that ask for something: to choose, press or check, a question, a doubt, or something that is not there.
-_ASKS = re.compile(
-    r"\?|; (?:choose|press|check|use|give|set|switch|look|enter|bake|move|take)\b|\bnot\b|\bpoor|\bhardly\b|\bgone\b|"
-    r"\[[a-z-]+\]|\bwrong\b",
-    re.IGNORECASE,
-)
+_POPUP = 24.0
 
 
 def wrapped(layout: Any, sentence: str, icon: str = "NONE") -> None:
@@ -33,23 +27,14 @@ def wrapped(layout: Any, sentence: str, icon: str = "NONE") -> None:
         column.label(text=line, translate=False, icon="BLANK1" if number and icon != "NONE" else icon)
 
 
-def verdict(layout: Any, name: str, sentences: Sequence[str]) -> None:
-    """A line with a light for what a step has to say: green, or yellow where one asks to look or to do something.
-
-    The sentences are behind a fold. name: of the step, by which Blender stores whether it is folded.
-    """
-    if not sentences:
-        return
-    look = any(_ASKS.search(one) for one in sentences)
-    header, body = layout.panel(f"MPS_told_{name}", default_closed=True)
-    header.label(text="Have a Look" if look else "All Is Well", icon="STRIP_COLOR_03" if look else "STRIP_COLOR_04")
-    for one in sentences if body else ():
-        wrapped(body, one, icon="DOT")
-
-
 def across_sidebar() -> float:
     """The scale at which a picture is as wide as the region, for ``template_icon``."""
     return available() / _unit() + 1
+
+
+def across_popup() -> float:
+    """The width of a line of text in a menu that pops up, in pixels."""
+    return _POPUP * _unit()
 
 
 def fitted(text: str, take: float = 0.0) -> str:

@@ -13,7 +13,7 @@ from mpsnet_core.errors import InputError
 from mpsnet_core.estimate.alignment.operation import Align, fit_in_words
 from mpsnet_core.scene.camera import FULL_FRAME, Camera, read_camera, write_camera
 
-from ..images import fine_preview, image_file, load_image, picture_size
+from ..images import image_file, load_image, picture_size
 from ..operators.core_run import RunsCore
 from ..outputs import output_path
 from ..provenance import Provenance, stamp
@@ -136,12 +136,12 @@ class MPS_OT_align_photo(RunsCore, AlignSettings, bpy.types.Operator):
         photo.mps.poor, photo.mps.outline_pixels = result["poor"], result["outline_pixels"]
         fit = fit_in_words(result["outline_pixels"], result["normals_degrees"], result["overlap"], result["poor"])
         photo.mps.fit = f"{fit}, but the mesh seems to be mirrored" if result["mirrored"] else fit
+        if not photo.mps.poor:
+            self.note(fit)
         for pair, residual in zip(photo.mps.pairs, result.get("residuals") or (), strict=False):
             pair.residual = residual
         scene.mps.align.image = overlay = load_image(self._overlay, "MPS Alignment", is_data=False)
         self.made(overlay)
-        if not bpy.app.background:
-            fine_preview(overlay)
         self.tell(f'Camera "{camera.name}": {photo.mps.fit}', "WARNING" if photo.mps.poor else "INFO")
 
 

@@ -45,7 +45,6 @@ from ..child_process.simulation_caches import simulations_write_into
 from ..child_process.trust import blocked_scripts_note, take_run_permission
 from ..errors import operator_report
 from ..images import pixels_of
-from ..rig.several_rigs import choose_rig
 from .studio import RenderKind, RenderProgress, render
 
 REPORT_SECONDS = 0.5
@@ -189,8 +188,8 @@ def render_job(folder: Path) -> int:
     except Exception as error:  # noqa: BLE001
         parent.send(error=describe_unexpected_error(error, folder.parent))  # the folder itself is removed
         return EXIT_UNFORESEEN
-    notes, files = [*blocked_scripts_note(), *rendered.notes], [*map(str, rendered.files)]
-    parent.send(result={"output": str(rendered.file), "written": files, "notes": notes})
+    told, files = [note.facts() for note in (*blocked_scripts_note(), *rendered.notes)], [*map(str, rendered.files)]
+    parent.send(result={"output": str(rendered.file), "written": files, "told": told})
     return 0
 
 
@@ -207,7 +206,7 @@ def _opened(job: RenderJob) -> Any:
     scene = bpy.data.scenes[job.scene]
     window = bpy.context.window_manager.windows[0]
     window.scene, window.view_layer = scene, scene.view_layers[job.view_layer]
-    choose_rig(scene, job.rig)
+    scene.mps.chosen_rig = job.rig
     refuse_lost_links(scene, job.missing)
     for name, file in job.painted.items():
         _paint(bpy.data.images[name], file)

@@ -32,9 +32,5 @@ class MPS_OT_check_photo(RunsCore, bpy.types.Operator):
         rig = rig_path(scene, image, folder, rig_file_for(image, scene.mps.estimate))
         return Check(image=str(photo), rig=rig, **reading(scene.mps.estimate)), []
 
-    def _finished(self, context: Any, result: dict[str, Any]) -> None:
-        self._notes = [f"{one['item']}, {one['level']}: {one['sentence']}" for one in result["findings"]]
-        super()._finished(context, result)
-
     def finish(self, context: Any, result: dict[str, Any]) -> None:
         self.tell(_VERDICTS[result["level"]])

@@ -12,12 +12,12 @@ from bpy.app.handlers import persistent
 
 from mpsnet_core.calibrate.mesh_operation import CalibrateMesh
 from mpsnet_core.calibrate.operations import CalibrateLights, CalibrateMixing
-from mpsnet_core.errors import InputError
+from mpsnet_core.errors import InputError, Note
 from mpsnet_core.estimate.lights.operation import CalibratePhoto
 from mpsnet_core.operation import Operation
 
 from ..image_records import from_json
-from ..images import fine_preview, frame_pattern, image_file, load_image
+from ..images import frame_pattern, image_file, load_image
 from ..operators.core_run import RunsCore, idle
 from ..outputs import file_name, is_permanent, requested_path
 from ..preferences import output_folder
@@ -31,7 +31,9 @@ from .options import painted_mask, reading
 
 _OVERLAY = "MPS Calibration"
 # Words that occur in these tables alone; the panel translates them.
-CHANNEL, UNEXPLAINED, EQUATION_2 = "Channel", "Unexplained", "Equation 2 Error"
+CHANNEL, UNEXPLAINED = "Channel", "Unexplained"
+# Degrees by which equation 2 may be off on a grey ball, and above which the rig is not to be used.
+_TOLERABLE, _MISFIT = 5.0, 15.0
 
 
 class _Calibrates(RunsCore, CalibrateSettings):
@@ -74,8 +76,6 @@ class _Calibrates(RunsCore, CalibrateSettings):
         settings = scene.mps.calibrate
         settings.image = image = load_image(self._overlay, _OVERLAY, is_data=False) if self._overlay else None
         if image is not None:
-            if not bpy.app.background:
-                fine_preview(image)
             self.made(image)
         settings.summary = "\n".join("|".join(row) for row in table)
         estimate.rig_file = str(self._rig)
@@ -175,9 +175,16 @@ class MPS_OT_calibrate_mixing(_Calibrates, bpy.types.Operator):
         rows = zip("RGB", result["mixing"], strict=True)
         channels = [(channel, *(f"{value:.3f}" for value in row)) for channel, row in rows]
         unexplained = (UNEXPLAINED, f"{result['residual']:.1%}")
+        self._show_results([(CHANNEL, "Red", "Green", "Blue"), *channels, unexplained])
+
+    def remarks(self, result: dict[str, Any]) -> Sequence[Note]:
         off = result["equation_2_error"]
-        equation_2 = [] if off is None else [(EQUATION_2, f"{off:.1f}°")]
-        self._show_results([(CHANNEL, "Red", "Green", "Blue"), *channels, unexplained, *equation_2])
+        if off is None:
+            return ()
+        if off <= _TOLERABLE:
+            return [Note("equation 2 fits the grey ball within %.1f°", off)]
+        words = "equation 2 is %.1f° off on the grey ball: is the ball matt, and is the rig file this photo's?"
+        return [Note(words, off, level="look" if off <= _MISFIT else "stop")]
 
 
 def from_ball(settings: Any) -> bool:

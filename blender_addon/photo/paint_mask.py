@@ -16,6 +16,7 @@ from mpsnet_core.capture.operations import FindMask
 
 from ..images import image_file, paint_grey, pixels_of
 from ..operators.core_run import RunsCore
+from ..operators.show_image import show_image
 from ..provenance import Provenance, stamp
 from ..rig.several_rigs import rig_at
 from .options import painted_mask, reading
@@ -59,7 +60,7 @@ class MPS_OT_paint_mask(RunsCore, bpy.types.Operator):
         image.pack()
         estimate.painted_mask, estimate.mask = image, "PAINTED"
         self.made(image)
-        _show(context, image)
+        show_image(context, image, "PAINT")
 
 
 def _values(file: Path) -> NDArray[np.float32]:
@@ -78,20 +79,3 @@ def _values(file: Path) -> NDArray[np.float32]:
 def _between(values: NDArray[np.float32], low: float, high: float) -> NDArray[np.float32]:
     """Map values from 0 to 1 to the range from `low` to `high`."""
     return low + (high - low) * np.clip(values, 0, 1)
-
-
-def _show(context: Any, image: bpy.types.Image) -> None:
-    """Open an image for painting: in the editor in which the button was pressed, in another, or in a new window."""
-    area, window = context.area, context.window
-    if window is None:
-        return
-    if area is None or area.type != "IMAGE_EDITOR":
-        area = next((one for one in window.screen.areas if one.type == "IMAGE_EDITOR"), None)
-    if area is None and not bpy.app.background:
-        bpy.ops.wm.window_new()
-        area = context.window_manager.windows[-1].screen.areas[0]
-        area.type = "IMAGE_EDITOR"
-        area.spaces.active.uv_editor.show_uv = False  # the photo has no UVs
-    if area is not None:
-        area.spaces.active.image = image
-        area.spaces.active.ui_mode = "PAINT"

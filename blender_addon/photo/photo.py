@@ -19,6 +19,7 @@ from ..child_process.trust import blocked_scripts_note
 from ..image_records import origin, read_sidecar, remember
 from ..images import frame_pattern, load_photo
 from ..openimageio import load_openimageio
+from ..operators.choose_file import remember_folder, start_folder
 from ..operators.core_run import RunsCore
 from ..operators.progress import cursor_progress
 from ..operators.reporting import ReportingOperator
@@ -32,7 +33,7 @@ from ..settings.photo import PhotoSettings
 from ..settings.superpose import SuperposeSettings
 from .background_render import rendering_blender, written_job
 from .camera import PLACES, places_of
-from .studio import RenderKind, objects_in_photo, render, scene_facts
+from .studio import RenderKind, objects_in_photo, render, scene_facts, white_of
 
 _LIGHTS = ("first", "second", "third")
 
@@ -119,6 +120,11 @@ class MPS_OT_render_photo(OnEachRig, _Renders, PhotoSettings, bpy.types.Operator
         image = load_photo(Path(result["output"]), "MPS Photo Frames" if self._moves else "MPS Photo")
         remember(image, PLACES, self._places)
         _set_photo(rig, image)
+        white = str(white_of(Path(result["output"])))
+        if self.white and not self._moves:
+            rig.estimate.white, rig.estimate.albedo = white, True
+        elif rig.estimate.white == white:
+            rig.estimate.property_unset("white")
         if self._moves:
             image.source = "SEQUENCE"
         self.made(image)
@@ -146,8 +152,8 @@ class MPS_OT_open_photo(ReportingOperator, bpy.types.Operator):
     def invoke(self, context: Any, event: bpy.types.Event) -> set[Any]:
         if self.filepath:  # by drag and drop
             return self.execute(context)
-        if (photo := context.scene.mps.photo.image) is not None:  # the next one is probably beside it
-            self.filepath = f"{origin(photo).parent}{os.sep}"
+        photo = context.scene.mps.photo.image
+        self.filepath = start_folder(context, str(origin(photo)) if photo else "")  # the next one is probably beside it
         context.window_manager.fileselect_add(self)
         return {"RUNNING_MODAL"}
 
@@ -155,7 +161,8 @@ class MPS_OT_open_photo(ReportingOperator, bpy.types.Operator):
         if not self.filepath:
             raise InputError("no photo was named; give its path as filepath")
         path = Path(bpy.path.abspath(self.filepath))
-        image = load_photo(path, path.stem) if _is_shown_as_read(path) else load_converted(path)
+        remember_folder(self.filepath)
+        image = load_any_photo(path)
         if self.sequence and path.suffix.lower() not in VIDEO_SUFFIXES:
             frame_pattern(path)  # raises without a frame number
             image.source = "SEQUENCE"
@@ -236,6 +243,11 @@ def _is_shown_as_read(path: Path) -> bool:
     if suffix in (*RAW_SUFFIXES, *HEIF_SUFFIXES):
         return False
     return suffix not in IMAGE_SUFFIXES or read_orientation(path) == 1
+
+
+def load_any_photo(path: Path) -> bpy.types.Image:
+    """An image that shows a photo as the core reads it."""
+    return load_photo(path, path.stem) if _is_shown_as_read(path) else load_converted(path)
 
 
 def load_converted(path: Path) -> bpy.types.Image:

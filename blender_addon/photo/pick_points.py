@@ -1,5 +1,6 @@
 """Pick Points: pairs of points in the photo and on the mesh, clicked side by side, for Align Photo."""
 
+import time
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
@@ -10,10 +11,12 @@ import numpy as np
 from mathutils import Matrix, Vector
 
 from mpsnet_core.errors import InputError
+from mpsnet_core.estimate.alignment.points import MIN_PAIRS
 
 from ..images import picture_size
 from ..operators.progress import redraw_panels
 from ..operators.reporting import ReportingOperator
+from ..operators.show_image import image_editor
 from ..scene.camera import scene_camera
 from .align import MPS_OT_align_photo, mesh_of_photo
 from .camera import chosen_camera, take_pairs_along
@@ -24,6 +27,8 @@ from .places import Place, mesh_point, photo_pixel, photo_place, seen_at
 # gizmos at the right, which stay usable.
 _GRAB, _BUTTONS = 12.0, 110.0
 _HIDDEN = 0.3  # alpha of a marker whose point the mesh occludes
+# How long the points are left alone before the photo is aligned by them.
+_REST_SECONDS = 0.7
 _ENDS, _DELETES = {"ESC", "RET", "NUMPAD_ENTER"}, {"X", "DEL"}
 
 Side = Literal["pixel", "point"]
@@ -51,6 +56,14 @@ class _Picking:
     """Why the last click set nothing."""
     shown: Any = None
     """What was drawn last."""
+    seen: Any = None
+    """The pairs as they were a moment ago."""
+    solved: Any = None
+    """The pairs that the photo was last aligned with."""
+    still_since: float = 0.0
+    """When they were last changed, in seconds of a monotonic clock."""
+    timer: Any = None
+    """Asks now and then whether the points are at rest."""
     handles: list[tuple[Any, Any]] = field(default_factory=list)
     """Kinds of spaces, and what is drawn in them."""
 
@@ -68,6 +81,8 @@ class _Picking:
         if self not in _running:
             return
         _running.remove(self)
+        if self.timer is not None:
+            bpy.context.window_manager.event_timer_remove(self.timer)
         for space, handle in self.handles:
             space.draw_handler_remove(handle, "WINDOW")
         for workspace in bpy.data.workspaces:  # it may have moved to another one
@@ -133,6 +148,23 @@ class _Picking:
             self.half.clear()
         elif len(pairs):
             pairs.remove(len(pairs) - 1)
+
+    def align(self, context: Any) -> None:
+        """Align the photo by the pairs, once there are enough and they have been at rest for a moment.
+
+        So neither the fourth pair nor a point that was dragged needs a button.
+        """
+        pairs = [(tuple(pair.pixel), tuple(pair.point)) for pair in _pairs(context)]
+        now = time.monotonic()
+        if self.solved is None:  # those that were there before
+            self.solved = pairs if any(pair.residual >= 0 for pair in _pairs(context)) else []
+        if self.dragged or self.seen != pairs:
+            self.seen, self.still_since = pairs, now
+        waits = len(pairs) < MIN_PAIRS or pairs == self.solved or self.half or context.window_manager.mps.running
+        if not waits and now - self.still_since >= _REST_SECONDS:
+            self.solved = pairs
+            with suppress(RuntimeError):  # the panel says why
+                bpy.ops.mps.align_photo("INVOKE_DEFAULT")
 
     def message(self, context: Any) -> str:
         """A sentence on what to do next."""
@@ -315,7 +347,7 @@ def _redraw(window: Any) -> None:
 
 
 class MPS_OT_pick_points(ReportingOperator, bpy.types.Operator):
-    """Click 4 to 12 places in the photo and the same places on the mesh, for Align Photo.
+    """Click 4 to 12 places in the photo and the same places on the mesh; from four on, the photo is aligned by them.
 
     The photo opens beside the viewport. Drag a marker to move it, X deletes the one under the mouse, Backspace takes
     the last one back, Esc ends"""
@@ -343,14 +375,15 @@ class MPS_OT_pick_points(ReportingOperator, bpy.types.Operator):
     def _start(self, context: Any) -> None:
         window, photo = context.window, context.scene.mps.photo.image
         take_pairs_along(photo, mesh_of_photo(context))
-        area = next((one for one in window.screen.areas if one.type == "IMAGE_EDITOR"), None)
-        was = (area.spaces.active.image, area.spaces.active.ui_mode) if area else None
-        if area is None:
-            area = _split_off_image_editor(context)
+        before = {area.as_pointer() for area in window.screen.areas}
+        area = image_editor(context)
         space = area.spaces.active
+        was = (space.image, space.ui_mode) if area.as_pointer() in before else None
         space.image, space.ui_mode = photo, "VIEW"
+        space.uv_editor.show_uv = False  # the photo has no UVs
         self._picking = _Picking(window, area.as_pointer(), was)
         self._picking.begin()
+        self._picking.timer = context.window_manager.event_timer_add(_REST_SECONDS / 4, window=window)
         self._picking.show(context)
         context.window_manager.modal_handler_add(self)
         redraw_panels(context.window_manager)
@@ -364,6 +397,8 @@ class MPS_OT_pick_points(ReportingOperator, bpy.types.Operator):
             redraw_panels(context.window_manager)
             return {"FINISHED"}
         mine.fit()
+        if event.type == "TIMER":
+            mine.align(context)
         used = self._use(context, event)
         mine.show(context)
         return {"RUNNING_MODAL"} if used else {"PASS_THROUGH"}
@@ -395,25 +430,6 @@ class MPS_OT_pick_points(ReportingOperator, bpy.types.Operator):
     def cancel(self, context: Any) -> None:
         """Also called by Blender if another file is opened or the window is closed."""
         self._picking.leave(restore=False)
-
-
-def _split_off_image_editor(context: Any) -> Any:
-    """Split an Image Editor off the viewport. Raises InputError if there is no viewport, or no room."""
-    screen = context.window.screen
-    views = [area for area in (context.area, *screen.areas) if area is not None and area.type == "VIEW_3D"]
-    if not views:
-        raise InputError("there is no 3D viewport in this window to click on the mesh in; open one beside the photo")
-    before = {area.as_pointer() for area in screen.areas}
-    with bpy.context.temp_override(window=context.window, area=views[0], region=_window_region(views[0])):
-        bpy.ops.screen.area_split(direction="VERTICAL", factor=0.4)
-    made = next((area for area in screen.areas if area.as_pointer() not in before), None)
-    if made is None:
-        raise InputError("the viewport is too narrow for the photo beside it; make it wider, or open an Image Editor")
-    made.type = "IMAGE_EDITOR"
-    space = made.spaces.active
-    space.show_region_ui = space.show_region_toolbar = False
-    space.uv_editor.show_uv = False  # the photo has no UVs
-    return made
 
 
 def unregister() -> None:

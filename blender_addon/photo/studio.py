@@ -12,7 +12,7 @@ import bpy
 import numpy as np
 from numpy.typing import NDArray
 
-from mpsnet_core.errors import InputError, NoObject
+from mpsnet_core.errors import InputError, NoObject, Note
 from mpsnet_core.io.files import atomic_write, temporary_folder, write_transaction
 from mpsnet_core.io.metadata import content_fingerprint
 from mpsnet_core.io.provenance import digest
@@ -43,6 +43,11 @@ _SAME_PLACE = 0.1
 RenderKind = Literal["photo", "frames", "normals"]
 
 
+def white_of(photo: Path) -> Path:
+    """The file of the white photo that is rendered with a photo."""
+    return photo.with_name(f"{photo.stem}_white{photo.suffix}")
+
+
 def no_render_progress(done: int, renders: int, words: str) -> None:
     """Ignore the progress of renders."""
 
@@ -52,7 +57,7 @@ class Rendered(NamedTuple):
 
     file: Path
     """The file, or the first one of several frames."""
-    notes: list[str]
+    notes: list[Note]
     """Sentences for the user."""
     files: list[Path]
     """All files that belong to it."""
@@ -76,6 +81,8 @@ def render_photo(scene: Any, path: Path, progress: RenderProgress = no_render_pr
     :func:`.image_records.sidecar`. Nothing in the .blend file changes. The bake's target is left out if another object
     is at the same place.
 
+    With its setting `white`, the white photo is written beside it.
+
     facts: what the photo depends on apart from the rig, the camera and the settings, see :func:`scene_facts`. A photo
     that an earlier run made from the same is kept. "" if they are unknown.
 
@@ -91,12 +98,16 @@ def render_photo(scene: Any, path: Path, progress: RenderProgress = no_render_pr
         notes = [*_leave_target_out(studio, scene.mps.bake), *_out_of_focus(camera.evaluated_get(depsgraph))]
         _refuse_other_light(studio)
         studio.cycles.samples = photo.samples
-        files = [path, sidecar(path, "rig"), sidecar(path, "camera")]
+        white = [white_of(path)] if photo.white and not photo.animation else []
+        files = [path, sidecar(path, "rig"), sidecar(path, "camera"), *white]
         place = f"{scene.frame_current_final} {photo.samples} {sorted(obj.name for obj in studio.objects)}"
         line = f"render {digest(facts, place, repr(rig), repr(taken_by))}" if facts else ""
         if _is_there(path, line):
             return Rendered(path, notes, files, kept=True)
-        parts = _render_lights_apart(studio, lights, folder, progress)
+        parts = _render_lights_apart(studio, lights, folder, progress, len(white))
+        for file in white:
+            progress(len(lights), len(lights) + 1, "rendering under white light")
+            _render_white(studio, lights, file)
         load_openimageio()
         from mpsnet_core.capture.superpose import superpose
         from mpsnet_core.io.image_writing import write_photo
@@ -108,11 +119,16 @@ def render_photo(scene: Any, path: Path, progress: RenderProgress = no_render_pr
     return Rendered(path, notes, files)
 
 
-def _render_lights_apart(studio: Any, lights: Sequence[Any], folder: Path, progress: RenderProgress) -> list[Path]:
-    """Render under each light alone. Each Cycles sample picks one of the lights at random; this avoids that noise."""
+def _render_lights_apart(
+    studio: Any, lights: Sequence[Any], folder: Path, progress: RenderProgress, more: int
+) -> list[Path]:
+    """Render under each light alone. Each Cycles sample picks one of the lights at random; this avoids that noise.
+
+    more: number of renders that follow, for the progress.
+    """
     parts = [folder / f"{number}.exr" for number in range(len(lights))]
     for number, (light, part) in enumerate(zip(lights, parts, strict=True)):
-        progress(number, len(lights), f"rendering light {number + 1} of {len(lights)}")
+        progress(number, len(lights) + more, f"rendering light {number + 1} of {len(lights)}")
         others = [other for other in lights if other != light]
         for other in others:
             studio.collection.objects.unlink(other)
@@ -120,6 +136,20 @@ def _render_lights_apart(studio: Any, lights: Sequence[Any], folder: Path, progr
         for other in others:
             studio.collection.objects.link(other)
     return parts
+
+
+def _render_white(studio: Any, lights: Sequence[Any], path: Path) -> None:
+    """Render under copies of the lights that are white."""
+    copies = [light.copy() for light in lights]
+    try:
+        for light, copy in zip(lights, copies, strict=True):
+            copy.data = light.data.copy()
+            copy.data.color = (1, 1, 1)
+            studio.collection.objects.unlink(light)
+            studio.collection.objects.link(copy)
+        _render(studio, path, "OPEN_EXR")
+    finally:
+        bpy.data.batch_remove([*(copy.data for copy in copies), *copies])
 
 
 def _is_there(path: Path, line: str) -> bool:
@@ -175,12 +205,14 @@ def render_frames(scene: Any, folder: Path, progress: RenderProgress = no_render
         raise InputError(f"no frame shows the object; {empty[numbers[0]]}")
     notes = rendered[0].notes
     if kept := sum(one.kept for one in rendered):
-        notes.append(f"{kept} frame(s) were there already and are kept")
+        notes.append(Note("%d frame(s) were there already and are kept", kept))
     if empty:
-        notes.append(f"{len(empty)} frame(s) show nothing and are left out, the first is {min(empty)}")
+        words = "%d frame(s) show nothing and are left out, the first is %d"
+        notes.append(Note(words, len(empty), min(empty), level="look"))
     others = {file for file in folder.glob(f"{glob.escape(folder.name)}_*.exr") if file not in files}
     if others:
-        notes.append(f"{len(others)} frame(s) of an earlier render are in the folder too, and are estimated with these")
+        words = "%d frame(s) of an earlier render are in the folder too, and are estimated with these"
+        notes.append(Note(words, len(others), level="look"))
     return Rendered(rendered[0].file, notes, [file for one in rendered for file in one.files])
 
 
@@ -257,7 +289,7 @@ def _take_time_and_subdivision(studio: Any, scene: Any) -> None:
         studio[name] = scene[name]
 
 
-def _leave_target_out(studio: Any, bake: Any) -> list[str]:
+def _leave_target_out(studio: Any, bake: Any) -> list[Note]:
     """Remove the bake target from the studio if another object, or several together, are at the same place.
 
     Returns a sentence on that, or if two objects are at the same place and neither is known to be the target.
@@ -278,8 +310,10 @@ def _leave_target_out(studio: Any, bake: Any) -> list[str]:
     studio.collection.objects.unlink(bake.target)
     studio.view_layers[0].update()
     names = sorted(obj.name for obj in within)
-    others = f'"{names[0]}" is' if len(names) == 1 else f'"{names[0]}" and {len(names) - 1} more are'
-    return [f'"{bake.target.name}" is left out of the photo: it is the target of the bake, and {others} in its place']
+    one = '"%s" is left out of the photo: it is the target of the bake, and "%s" is in its place'
+    more = '"%s" is left out of the photo: it is the target of the bake, and "%s" and %d more are in its place'
+    several = (len(names) - 1,) if len(names) > 1 else ()
+    return [Note(more if several else one, bake.target.name, names[0], *several)]
 
 
 def objects_in_photo(scene: Any) -> list[Any]:
@@ -311,14 +345,15 @@ def _in_place(place: NDArray[np.float64], boxes: Mapping[Any, NDArray[np.float64
     return list(within) if _coincide(place, np.stack([ends[:, 0].min(axis=0), ends[:, 1].max(axis=0)])) else []
 
 
-def _note_coinciding(boxes: Mapping[Any, NDArray[np.float64]]) -> list[str]:
+def _note_coinciding(boxes: Mapping[Any, NDArray[np.float64]]) -> list[Note]:
     """A sentence if two objects are at the same place; otherwise nothing."""
     for one, other in combinations(boxes, 2):
         if _coincide(boxes[one], boxes[other]):
-            return [
-                f'"{one.name}" and "{other.name}" are in one place and both in the photo; choose the one that is baked '
-                "onto as Target of the step Bake, and it is left out"
-            ]
+            words = (
+                '"%s" and "%s" are in one place and both in the photo; choose the one that is baked onto as Target of '
+                "the step Bake, and it is left out"
+            )
+            return [Note(words, one.name, other.name, level="look")]
     return []
 
 
@@ -329,11 +364,12 @@ def _coincide(one: NDArray[np.float64], other: NDArray[np.float64]) -> bool:
     return bool(abs(one[0, 0] - other[0, 0]) < reach and np.abs(one - other).max() < reach)
 
 
-def _out_of_focus(camera: Any) -> list[str]:
+def _out_of_focus(camera: Any) -> list[Note]:
     """A sentence if the camera has depth of field; otherwise nothing."""
     if not camera.data.dof.use_dof:
         return []
-    return [f'"{camera.name}" has depth of field on: where the photo is blurred, so are its normals; switch it off']
+    words = '"%s" has depth of field on: where the photo is blurred, so are its normals; switch it off'
+    return [Note(words, camera.name, level="look")]
 
 
 def _refuse_other_light(studio: Any) -> None:

@@ -1,13 +1,13 @@
 """Several rigs in one scene: one of them is chosen, and the panel and the operators work with it.
 
-``scene.mps.rig``, ``.photo`` and ``.estimate`` are always those of the chosen rig; a scene with one rig has no list.
-Those of the others are stored in ``scene.mps.rigs``.
+All are stored in ``scene.mps.rigs``. ``scene.mps.rig``, ``.photo`` and ``.estimate`` are those of the chosen one.
 """
 
 import math
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from functools import partial
+from itertools import count
 from pathlib import Path
 from typing import Any
 
@@ -22,15 +22,11 @@ from ..outputs import requested_folder, unique_name
 from ..scene.objects import by_session_uid
 from ..scene.surfaces import bounding_sphere
 from ..settings.declared import OF_ONE_RUN, BoolSetting, FloatSetting, IntSetting, setting_names
+from ..settings.scene import STEPS
 from .rig import MPS_OT_add_rig, add_rig, remove_rig
 
-_STEPS = ("rig", "photo", "estimate")
 # Settings that another rig does not take over.
 _OF_ONE_RIG = {"output", "rig_file", "white", "white_light"}
-_VERBS = (
-    *("add_rig", "render_photo", "open_photo", "superpose", "check_photo"),
-    *("show_mask", "paint_mask", "estimate", "error_map"),
-)
 
 
 class _OnRigs(bpy.types.Operator):
@@ -93,7 +89,7 @@ class MPS_OT_choose_rig(_OnRigs):
         if self.index >= max(count, 1):
             self.report({"ERROR"}, f"there is no rig {self.index}; this scene has {max(count, 1)}, numbered from 0")
             return {"CANCELLED"}
-        choose_rig(context.scene, self.index)
+        context.scene.mps.chosen_rig = self.index
         return {"FINISHED"}
 
 
@@ -105,7 +101,7 @@ class MPS_OT_drop_rig(_OnRigs):
 
     @classmethod
     def poll(cls, context: Any) -> bool:
-        if not context.scene.mps.rigs:
+        if len(context.scene.mps.rigs) < 2:
             number = "only one" if context.scene.mps.rig.target else "no"
             cls.poll_message_set(f"There is {number} rig in this scene")
             return False
@@ -127,7 +123,7 @@ class OnEachRig(RunsCore):
         "Do this for all rigs of this scene, one after the other, each with its own settings. "
         "Off: for the chosen rig alone",
     )
-    step = ""  # the step in _STEPS whose settings it uses
+    step = ""  # the step in STEPS whose settings it uses
 
     @classmethod
     def description(cls, context: Any, properties: Any) -> str:
@@ -140,7 +136,7 @@ class OnEachRig(RunsCore):
 
     def run_contexts(self) -> Sequence[RunContext]:
         scene = by_session_uid(bpy.data.scenes, self._scene_uid)
-        if not (self.all_rigs and scene.mps.rigs):
+        if not (self.all_rigs and len(scene.mps.rigs) > 1):
             return super().run_contexts()
         if "output" in self._given and requested_folder(self.output) is None:
             raise SettingsError(f"all rigs would write {self.output}; give a folder, with a slash at its end")
@@ -160,28 +156,31 @@ class OnEachRig(RunsCore):
         self._rig_place, self._whose = place, f"{scene.mps.rigs[place].name}: "
         for name in set(_names(self.properties)) - self._given:  # values of the previous rig
             self.properties.property_unset(name)
-        chosen = scene.mps.chosen_rig
-        choose_rig(scene, place)
+        chosen, scene.mps.chosen_rig = scene.mps.chosen_rig, place
         try:
             yield
         finally:
-            choose_rig(scene, chosen)
+            scene.mps.chosen_rig = chosen
 
 
 def new_rig(scene: Any) -> None:
     """Add a rig and choose it. It has the settings of the previous one, but none of its files or results."""
     mps = scene.mps
-    if not mps.rigs:
-        mps.rigs.add().name = "Rig 1"
-    _store_chosen(scene)
-    taken = {one.name for one in mps.rigs}
-    number = next(number for number in range(1, len(taken) + 2) if f"Rig {number}" not in taken)
-    mps.rigs.add().name = f"Rig {number}"
+    place = mps.chosen_rig if mps.chosen else 0
+    taken: set[str] = set()
+    for one in mps.rigs:
+        one.name = one.name or _free_name(taken)
+        taken.add(one.name)
+    mps.rigs.add().name = _free_name({one.name for one in mps.rigs})
     mps.chosen_rig = len(mps.rigs) - 1
-    for group in (getattr(mps, step) for step in _STEPS):
-        for name in set(_names(group)) - (set(setting_names(group)) - _OF_ONE_RIG):
-            group.property_unset(name)
-    _clear_records(mps)
+    for before, now in ((getattr(mps.rigs[place], step), getattr(mps, step)) for step in STEPS):
+        for name in setting_names(now):
+            if name not in _OF_ONE_RIG and before.is_property_set(name):
+                setattr(now, name, getattr(before, name))
+
+
+def _free_name(taken: set[str]) -> str:
+    return next(name for number in count(1) if (name := f"Rig {number}") not in taken)
 
 
 def add_rig_ring(context: Any, count: int, elevation: float) -> None:
@@ -206,31 +205,17 @@ def add_rig_ring(context: Any, count: int, elevation: float) -> None:
     context.view_layer.update()
 
 
-def choose_rig(scene: Any, index: int) -> None:
-    """Choose another rig of the scene's list."""
-    if index == scene.mps.chosen_rig:
-        return
-    _store_chosen(scene)
-    _load_rig(scene, index)
-
-
 def drop_rig(scene: Any) -> None:
     """Remove the chosen rig's objects and its list entry, and choose the previous rig."""
     mps, index = scene.mps, scene.mps.chosen_rig
     remove_rig(scene)
     mps.rigs.remove(index)
-    _load_rig(scene, max(index - 1, 0))
-    if len(mps.rigs) == 1:
-        mps.rigs.clear()
+    mps.chosen_rig = max(index - 1, 0)
 
 
-def all_rigs(scene: Any) -> Iterator[Any]:
+def all_rigs(scene: Any) -> list[Any]:
     """The settings group with ``rig``, ``photo`` and ``estimate`` of each of the scene's rigs, in the list's order."""
-    mps = scene.mps
-    if not mps.rigs:
-        yield mps
-    for number, one in enumerate(mps.rigs):
-        yield mps if number == mps.chosen_rig else one
+    return list(scene.mps.rigs) or [scene.mps.chosen]
 
 
 def rig_at(scene: Any, place: int, result: object) -> Any:
@@ -238,7 +223,7 @@ def rig_at(scene: Any, place: int, result: object) -> Any:
 
     Raises InputError if it no longer exists. result: what it would have received, and where that is now.
     """
-    rigs = list(all_rigs(scene))
+    rigs = all_rigs(scene)
     if place >= len(rigs):
         raise InputError(f"the rig that this was made for is gone; {result}")
     return rigs[place]
@@ -248,50 +233,9 @@ def result_name(scene: Any, what: str) -> str:
     """File name for a result of the chosen rig, distinct between .blend files, scenes and rigs."""
     parts = [Path(bpy.data.filepath).stem] if bpy.data.filepath else []
     parts.append(unique_name([one.name for one in bpy.data.scenes], list(bpy.data.scenes).index(scene)))
-    if len(scene.mps.rigs):
+    if len(scene.mps.rigs) > 1:
         parts.append(unique_name([one.name for one in scene.mps.rigs], scene.mps.chosen_rig))
     return "_".join([*parts, what])
-
-
-def _store_chosen(scene: Any) -> None:
-    place = scene.mps.rigs[scene.mps.chosen_rig]
-    for step in _STEPS:
-        _copy(getattr(scene.mps, step), getattr(place, step))
-    place.records.clear()
-    for record in scene.mps.records:
-        if record.name in _VERBS:
-            _copy(record, place.records.add())
-
-
-def _load_rig(scene: Any, index: int) -> None:
-    mps = scene.mps
-    place = mps.rigs[index]
-    for step in _STEPS:
-        _copy(getattr(place, step), getattr(mps, step))
-    _clear_records(mps)
-    for record in place.records:
-        _copy(record, mps.records.add())
-    mps.chosen_rig = index
-
-
-def _clear_records(mps: Any) -> None:
-    for verb in _VERBS:
-        if (place := mps.records.find(verb)) >= 0:
-            mps.records.remove(place)
-
-
-def _copy(source: Any, target: Any) -> None:
-    """Copy a group of settings to another one of its kind."""
-    for name in _names(source):
-        kind = source.bl_rna.properties[name].type
-        if kind == "COLLECTION":
-            getattr(target, name).clear()
-            for item in getattr(source, name):
-                _copy(item, getattr(target, name).add())
-        elif source.is_property_set(name):
-            setattr(target, name, getattr(source, name))
-        else:
-            target.property_unset(name)
 
 
 def _names(group: Any) -> list[str]:

@@ -66,6 +66,9 @@ class MPS_PG_image(bpy.types.PropertyGroup):
     pairs: CollectionProperty(
         name="Pairs", description="Places in the photo and on the mesh that are the same", type=MPS_PG_pair
     )
+    shown: BoolProperty(
+        name="Shown", description="Whether the panel shows the picture, not its name alone", default=True
+    )
     fit: StringProperty(name="Fit", description="How well the mesh fits the photo, in words. Empty: not aligned")
     outline_pixels: FloatProperty(
         name="Outline",

@@ -11,7 +11,6 @@ from mpsnet_core.defaults import LEVEL_SCALE, MARGIN, MAX_LEVEL_SCALE, MAX_TEXTU
 
 from ..outputs import FORMAT_OF
 from .declared import (
-    OWN_SENSE,
     BoolSetting,
     EnumSetting,
     FloatSetting,
@@ -23,6 +22,7 @@ from .declared import (
     items_of,
     object_pointer,
 )
+from .messages import OWN_SENSE
 
 # The bit depths of each format.
 _BITS = {"PNG": {"AUTO", "8", "16"}, "TIFF": {"AUTO", "8", "16", "32"}, "EXR": {"AUTO", "16", "32"}}
@@ -50,8 +50,8 @@ def _take_detail(settings: Any, context: Any) -> None:
 def detail_only(*, default: bool) -> Any:
     return BoolSetting(
         "Detail Only",
-        "Take large shapes from the object and only detail from the photos, whatever else the estimates "
-        "say: seams between views vanish",
+        "Take large shapes from the object alone and only detail from the photos: seams between views vanish. For an "
+        "object whose large shapes are more exact than the estimates",
         default=default,
     )
 
@@ -135,6 +135,12 @@ class BakeSettings:
     )
     output: from_option(Bake, "output", name="Texture File", unset="in the output folder")
     level: detail_only(default=False)
+    agreed: BoolSetting(
+        "Blend With the Mesh",
+        "Take large shapes partly from the object, as far as it and the estimate agree within the error that the "
+        "estimate expects of itself. Off: all as estimated",
+        default=True,
+    )
     level_scale: cut_off()
     strength: from_option(Bake, "strength")
     fill: from_option(Bake, "fill", name="Fill Unseen")

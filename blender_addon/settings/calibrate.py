@@ -5,7 +5,8 @@ from bpy.props import StringProperty
 
 from mpsnet_core.calibrate.operations import CalibrateLights
 
-from .declared import OWN_SENSE, EnumSetting, FileSetting, FloatSetting, from_option, image_pointer
+from .declared import EnumSetting, FileSetting, FloatSetting, InputSetting, from_option, image_pointer
+from .messages import OWN_SENSE
 
 
 class CalibrateSettings:
@@ -23,21 +24,21 @@ class CalibrateSettings:
         default="BALL",
         translation_context=OWN_SENSE,
     )
-    ball: FileSetting(
+    ball: InputSetting(
         "Mirror Ball",
         "Photo of a mirror ball where the object stands, under the red, green and blue light at once. "
         "From three photos: under the first light alone",
         translation_context=OWN_SENSE,
     )
-    second_ball: FileSetting(
+    second_ball: InputSetting(
         "Second Place",
         "Photo of the same ball at another place. With two places the lights' positions are found, "
         "not only their directions. Needs the lens",
     )
-    second_light: FileSetting("Green", "Photo of the same ball in the same place, under the second light alone")
-    third_light: FileSetting("Blue", "Photo of the same ball in the same place, under the third light alone")
+    second_light: InputSetting("Green", "Photo of the same ball in the same place, under the second light alone")
+    third_light: InputSetting("Blue", "Photo of the same ball in the same place, under the third light alone")
     ball_radius: from_option(CalibrateLights, "radius", name="Ball Radius", default=1.0, low=1e-6)
-    grey: FileSetting("Grey Ball", "Photo of a matt grey ball under the red, green and blue light at once")
+    grey: InputSetting("Grey Ball", "Photo of a matt grey ball under the red, green and blue light at once")
     lens: from_option(CalibrateLights, "focal", name="Lens (mm)", unset="the camera is assumed to be far away")
     circle_x: FloatSetting(
         "Ball X (px)", "Middle of the ball, in pixels from the photo's left edge. Only counts with a radius below"

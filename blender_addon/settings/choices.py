@@ -15,6 +15,7 @@ from bpy.app.handlers import persistent
 from ..image_records import from_json
 from ..preferences import PACKAGE
 from .declared import setting_names
+from .scene import STEPS
 
 _KINDS = {"BOOLEAN", "INT", "FLOAT", "ENUM"}
 _OF_ONE_PHOTO = ("calibrate.circle", "calibrate.second", "material.crop", "material.width")
@@ -65,8 +66,10 @@ def restore_choices() -> None:
 
 def _steps(scene: Any) -> Iterator[tuple[str, Any]]:
     for step in scene.mps.bl_rna.properties:
-        if step.type == "POINTER" and step.identifier != "rna_type":
+        if step.type == "POINTER" and step.identifier not in {"rna_type", "blank"}:
             yield step.identifier, getattr(scene.mps, step.identifier)
+    for step in STEPS:
+        yield step, getattr(scene.mps, step)
 
 
 def _set(scene: Any, path: str, value: Any) -> None:
@@ -85,6 +88,9 @@ def _is_any_set(group: Any) -> bool:
         value = getattr(group, one.identifier)
         if isinstance(value, bpy.types.PropertyGroup):
             if _is_any_set(value):
+                return True
+        elif one.identifier == "rigs":
+            if any(map(_is_any_set, value)):
                 return True
         elif one.type in {"POINTER", "COLLECTION"}:  # these count as set from the start
             if value:

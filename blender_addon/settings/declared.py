@@ -23,10 +23,6 @@ PATH = {*GIVEN, "PATH_SUPPORTS_BLEND_RELATIVE"}
 # the first one.
 OF_ONE_RUN = frozenset({"output", "keep"})
 
-# Translation context of words that Blender's own tables have in another sense: "Mirror Ball" as a command, "Space" as
-# free space, "Tangent" of an angle.
-OWN_SENSE = "MPS"
-
 
 def _setting(make: Callable[..., Any], **fixed: Any) -> Callable[..., Any]:
     def declared(name: str, description: str, *, within: tuple[float, float] | None = None, **facts: Any) -> Any:
@@ -45,6 +41,8 @@ FloatSetting = _setting(FloatProperty, options=GIVEN)
 IntSetting = _setting(IntProperty, options=GIVEN)
 StringSetting = _setting(StringProperty, options=GIVEN)
 FileSetting = _setting(StringProperty, subtype="FILE_PATH", options=PATH)
+# A file that is read: the panel has a list of its own for it, see operators/choose_file.py.
+InputSetting = _setting(StringProperty, subtype="FILE_NAME", options=PATH)
 FolderSetting = _setting(StringProperty, subtype="DIR_PATH", options=PATH)
 
 # An image of Blender's.
@@ -157,7 +155,8 @@ def from_option(
 
 
 def _text(setting: Setting, default: str | None, facts: Mapping[str, Any]) -> Any:
-    make = {"file": FileSetting, "folder": FolderSetting}.get(setting.option.path, StringSetting)
+    file = FileSetting if setting.name == "output" else InputSetting
+    make = {"file": file, "folder": FolderSetting}.get(setting.option.path, StringSetting)
     return make(default=default or "", **facts)
 
 
@@ -175,6 +174,13 @@ def setting_names(group: Any) -> list[str]:
     """The names of a step's settings, in order: those that set others come first."""
     # Settings have SKIP_SAVE, so that operators do not take them from their last run; results do not.
     return [one.identifier for one in group.bl_rna.properties if one.is_skip_save]
+
+
+def option_of_setting(group: Any, option: str) -> str:
+    """The name of the setting of a group that was made of an option, or has its name; "" if there is none."""
+    declared = {name: one for part in type(group).__mro__ for name, one in inspect.get_annotations(part).items()}
+    made = (name for name, one in declared.items() if _OPTIONS.get(id(one), ("",))[0] == option)
+    return next(made, option if option in setting_names(group) else "")
 
 
 def options_of(

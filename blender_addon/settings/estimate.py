@@ -9,8 +9,8 @@ from mpsnet_core.estimate.registry import OLD_NAMES, known_models
 from .declared import (
     BoolSetting,
     EnumSetting,
-    FileSetting,
     FloatSetting,
+    InputSetting,
     format_setting,
     from_option,
     identifier,
@@ -52,8 +52,8 @@ class EstimateSettings:
             ("PAINTED", "Painted", "What is bright in the picture that Paint Mask opens, as it is painted now"),
         ],
     )
-    mask_file: FileSetting("Mask File", "Picture that is white where the object is and black elsewhere")
-    background: FileSetting("Background", "Photo of the scene without the object, under the same lights")
+    mask_file: InputSetting("Mask File", "Picture that is white where the object is and black elsewhere")
+    background: InputSetting("Background", "Photo of the scene without the object, under the same lights")
     threshold: FloatSetting(
         "Threshold",
         "Pixels brighter than this fraction of the photo's brightest are the object",
@@ -65,7 +65,7 @@ class EstimateSettings:
     flat: from_option(Estimate, "flat", name="Flat Field")
     white: from_option(Estimate, "white", name="White Photo")
     white_light: from_option(Estimate, "white_light", name="White Light", unset="the rig's three lights")
-    rig_file: FileSetting(
+    rig_file: InputSetting(
         "Rig File",
         "Measured rig (.json or .lp) of photos that you open. A photo that was rendered in this scene is "
         "estimated with the rig that it was rendered with. Empty: the rig beside the photo when it was opened, else "
@@ -83,7 +83,7 @@ class EstimateSettings:
         "one pass",
         default=True,
     )
-    model_file: FileSetting("Model File", "Network in an .onnx file")
+    model_file: InputSetting("Model File", "Network in an .onnx file")
     confidence: from_option(Estimate, "confidence", name="Confidence Map", switch=True)
     albedo: from_option(Estimate, "albedo", switch=True)
     smooth: from_option(Estimate, "smooth", name="Smooth Frames")

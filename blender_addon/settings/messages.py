@@ -7,8 +7,16 @@ Photo".
 
 import re
 from collections.abc import Mapping
+from typing import Any
 
 import bpy
+from bpy.app.translations import pgettext_iface as iface
+
+from mpsnet_core.errors import Note
+
+# Translation context of words that Blender's own tables have in another sense: "Mirror Ball" as a command, "Space" as
+# free space, "Tangent" of an angle.
+OWN_SENSE = "MPS"
 
 # The labels of options that settings are not made of, and of those whose settings have another meaning.
 _LABELS = {
@@ -45,12 +53,28 @@ def store_label(option: str, label: str, choices: Mapping[str, str]) -> None:
 def in_blender(message: str) -> str:
     """A message of the core with the labels of fields and buttons in place of options and commands.
 
+    A note is in the language of the panel.
+
     Options in brackets that Blender has no field for are left out, with their brackets, and so is "or give" such an
     option. Text that is in Blender's words already stays as it is.
     """
+    if isinstance(message, Note):
+        values = [in_blender(one) if isinstance(one, Note) else _word(one) for one in message.values]
+        template = in_blender(iface(message.template))
+        return template % tuple(values) if values else template
     for hint in (_ALL_OPTIONS, _OR_OPTION):
         message = hint.sub(lambda found: found[0] if _known(found[0]) else "", message)
     return _OPTION.sub(_field, _COMMAND.sub(_button, message))
+
+
+def options_in(note: Note) -> list[str]:
+    """The options that a note names, in their order, as a field's identifier has them: "white_light"."""
+    return [flag.replace("-", "_") for flag in dict.fromkeys(re.findall(_FLAG, note.template))]
+
+
+def _word(value: Any) -> Any:
+    """A value of a note; a single word, as of a colour, in the language of the panel."""
+    return iface(value, OWN_SENSE) if isinstance(value, str) else value
 
 
 def _known(options: str) -> bool:
@@ -62,9 +86,9 @@ def _field(found: re.Match[str]) -> str:
     if flag not in _LABELS:
         return found[0]
     if value is None:
-        return _LABELS[flag]
+        return iface(_LABELS[flag])
     chosen = _CHOICES.get(flag, {}).get(value)
-    return f"{_LABELS[flag]}: {chosen}" if chosen else f"{_LABELS[flag]} {value}"
+    return f"{iface(_LABELS[flag])}: {iface(chosen)}" if chosen else f"{iface(_LABELS[flag])} {value}"
 
 
 def _button(found: re.Match[str]) -> str:
@@ -72,5 +96,5 @@ def _button(found: re.Match[str]) -> str:
     for verb, rest in ((f"{found[1]}_{found[2]}", ""), (found[1], f" {found[2]}" if found[2] else "")):
         operator = getattr(bpy.types, f"MPS_OT_{verb}", None)
         if operator is not None:
-            return f"{operator.bl_label}{rest}"
+            return f"{iface(operator.bl_label, 'Operator')}{rest}"
     return found[0]

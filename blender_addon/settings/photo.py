@@ -22,6 +22,11 @@ class PhotoSettings:
         default=32,
         within=(1, 65536),
     )
+    white: BoolSetting(
+        "White Photo",
+        "Render a second photo, with the three lights turned white. The estimate uses it, and makes the surface's "
+        "colour of it as well",
+    )
     animation: BoolSetting(
         "Animation",
         "Take a photo of each frame of the scene, from its first to its last, into a folder. "
@@ -69,6 +74,8 @@ def _photo_chosen(photo: Any, context: Any) -> None:
     estimate.painted_mask = now.mps.painted_mask
     if (checked := owner.records.find("check_photo")) >= 0:
         owner.records.remove(checked)
+    for record in owner.records:  # what they say is of the photo before
+        record.notes = ""
 
 
 class MPS_PG_photo(PhotoSettings, bpy.types.PropertyGroup):

@@ -3,6 +3,7 @@
 from typing import Any
 
 import bpy
+from bpy.app.handlers import persistent
 from bpy.props import (
     BoolProperty,
     CollectionProperty,
@@ -24,7 +25,7 @@ from .estimate import MPS_PG_estimate
 from .heights import MPS_PG_heights
 from .material import MPS_PG_material
 from .photo import MPS_PG_photo
-from .record import MPS_PG_record
+from .record import OF_ONE_RIG, MPS_PG_record
 from .relight import MPS_PG_relight
 from .rig import MPS_PG_rig
 from .samples import MPS_PG_samples
@@ -33,6 +34,8 @@ from .views import MPS_PG_views
 
 _PHOTOGRAPH, _RENDER = range(2)
 _CHOSEN = "mpsnet_way"
+# The steps whose settings and results each rig has of its own.
+STEPS = ("rig", "photo", "estimate")
 
 
 def _way(mps: Any) -> int:
@@ -49,7 +52,7 @@ def _choose_way(mps: Any, way: int) -> None:
 
 
 class MPS_PG_one_of_rigs(bpy.types.PropertyGroup):
-    """One of several rigs. What it holds counts while another one is chosen: that of the chosen rig is in the scene."""
+    """One of the scene's rigs, with its photo and its normals."""
 
     rig: PointerProperty(name="Rig", description="The rig's settings and objects", type=MPS_PG_rig)
     photo: PointerProperty(name="Photo", description="The photo that was taken with it", type=MPS_PG_photo)
@@ -72,28 +75,51 @@ class MPS_PG_scene(bpy.types.PropertyGroup):
         get=_way,
         set=_choose_way,
     )
-    rig: PointerProperty(type=MPS_PG_rig)
     calibrate: PointerProperty(type=MPS_PG_calibrate)
-    photo: PointerProperty(type=MPS_PG_photo)
     align: PointerProperty(type=MPS_PG_align)
     superpose: PointerProperty(type=MPS_PG_superpose)
-    estimate: PointerProperty(type=MPS_PG_estimate)
     bake: PointerProperty(type=MPS_PG_bake)
     heights: PointerProperty(type=MPS_PG_heights)
     displace: PointerProperty(type=MPS_PG_displace)
     views: PointerProperty(type=MPS_PG_views)
     material: PointerProperty(type=MPS_PG_material)
     samples: PointerProperty(type=MPS_PG_samples)
-    rigs: CollectionProperty(name="Rigs", description="The scene's rigs, where it has several", type=MPS_PG_one_of_rigs)
+    rigs: CollectionProperty(name="Rigs", description="The scene's rigs, one at least", type=MPS_PG_one_of_rigs)
+    blank: PointerProperty(type=MPS_PG_one_of_rigs, options={"HIDDEN"})
     chosen_rig: IntProperty(
         name="Chosen Rig",
-        description="Number in the list, from 0, of the rig that the panel shows. Change it with mps.choose_rig",
+        description="Number in the list, from 0, of the rig that the panel shows",
         min=0,
     )
     records: CollectionProperty(
         name="Records", description="How the last run of each operator ended", type=MPS_PG_record
     )
     relight: PointerProperty(type=MPS_PG_relight)
+
+    @property
+    def chosen(self) -> Any:
+        """The chosen rig; the first one is made here, unless Blender draws, and so forbids it for a moment."""
+        if not self.rigs:
+            try:
+                self.rigs.add()
+            except (AttributeError, RuntimeError):
+                return self.blank
+        return self.rigs[min(self.chosen_rig, len(self.rigs) - 1)]
+
+    @property
+    def rig(self) -> Any:
+        """The chosen rig's settings and objects."""
+        return self.chosen.rig
+
+    @property
+    def photo(self) -> Any:
+        """The chosen rig's photo."""
+        return self.chosen.photo
+
+    @property
+    def estimate(self) -> Any:
+        """The normals of the chosen rig's photo."""
+        return self.chosen.estimate
 
 
 class MPS_PG_job(bpy.types.PropertyGroup):
@@ -112,6 +138,47 @@ class MPS_PG_job(bpy.types.PropertyGroup):
         get=is_ticked,
         set=tick,
     )
+
+
+@persistent
+def _take_from_earlier_versions(*_: Any) -> None:
+    """Move what files of versions up to 0.2.0 hold of the chosen rig, beside the list, into the list.
+
+    Called when a file is opened or linked, before anything else looks at its settings.
+    """
+    for scene in bpy.data.scenes:
+        stored = scene.bl_system_properties_get() if hasattr(scene, "bl_system_properties_get") else scene
+        mps: Any = stored.get("mps") if stored else None
+        old = [name for name in STEPS if name in mps] if hasattr(mps, "to_dict") else []
+        if not old or not all(hasattr(mps[name], "to_dict") for name in old):
+            continue
+        whole = mps.to_dict()
+        rigs = list(whole.get("rigs", ())) or [{}]
+        records = whole.get("records", ())
+        own = {"records": [one for one in records if one.get("name") in OF_ONE_RIG]}
+        chosen = rigs[min(max(int(whole.get("chosen_rig", 0)), 0), len(rigs) - 1)]
+        chosen.update({name: whole[name] for name in old}, **own)
+        others = {"rigs": rigs, "records": [one for one in records if one.get("name") not in OF_ONE_RIG]}
+        for name in (*old, *others):
+            mps.pop(name, None)
+        for group, lists in ((chosen, own), (mps, others)):
+            for name, items in lists.items():
+                if items:
+                    group[name] = items
+                else:
+                    group.pop(name, None)
+
+
+@persistent
+def _give_first_rig(scene: Any, *_: Any) -> None:
+    scene.mps.chosen  # noqa: B018 - it makes one before the panel is drawn
+
+
+HANDLERS = {
+    "load_post": _take_from_earlier_versions,
+    "blend_import_post": _take_from_earlier_versions,
+    "depsgraph_update_post": _give_first_rig,
+}
 
 
 def register() -> None:

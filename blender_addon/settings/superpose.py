@@ -4,19 +4,19 @@ import bpy
 
 from mpsnet_core.capture.operations import Superpose
 
-from .declared import FileSetting, from_option
+from .declared import FileSetting, InputSetting, from_option
 
 
 class SuperposeSettings:
     """Three photos under one white light each, in the order of the rig's lights, and the combined photo."""
 
-    first: FileSetting(
+    first: InputSetting(
         "First Light", "Photo of the object at rest under the rig's first light alone, turned white: the red channel"
     )
-    second: FileSetting(
+    second: InputSetting(
         "Second Light", "Photo of the same pose under the rig's second light alone, turned white: the green channel"
     )
-    third: FileSetting(
+    third: InputSetting(
         "Third Light", "Photo of the same pose under the rig's third light alone, turned white: the blue channel"
     )
     encoding: from_option(Superpose, "encoding")

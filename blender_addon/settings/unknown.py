@@ -16,7 +16,7 @@ def reset_invalid_settings(*_: Any) -> None:
         _reset_invalid(image.mps)
     for scene in bpy.data.scenes:
         _reset_invalid(scene.mps)
-        if scene.mps.chosen_rig >= len(scene.mps.rigs):
+        if scene.mps.chosen_rig >= max(len(scene.mps.rigs), 1):
             scene.mps.property_unset("chosen_rig")
 
 

@@ -6,7 +6,8 @@ from bpy.props import StringProperty
 from mpsnet_core.bake.operations import BakeViews
 
 from .bake import cut_off, detail_only
-from .declared import OWN_SENSE, EnumSetting, from_option
+from .declared import EnumSetting, from_option
+from .messages import OWN_SENSE
 
 
 class ViewsSettings:

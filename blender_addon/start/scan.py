@@ -1,25 +1,36 @@
 """Scan: from a photo and a mesh of the object to the texture, step by step, without a rig and a calibration."""
 
 from collections.abc import Callable, Sequence
+from pathlib import Path
 from typing import Any
 
 import bpy
+from bpy.props import CollectionProperty, StringProperty
+from bpy_extras.view3d_utils import region_2d_to_origin_3d, region_2d_to_vector_3d
 
 from mpsnet_core.calibrate.mesh_operation import POOR
-from mpsnet_core.errors import InputError
+from mpsnet_core.capture.colourfulness import colourfulness
+from mpsnet_core.errors import InputError, Note
+from mpsnet_core.io.files import PHOTO_SUFFIXES
 
 from ..bake.bake_operator import check_shows_normals
+from ..bake.before_after import draw_results
 from ..bake.unwrap import lacks_uvs, unwrap
+from ..images import pixels_of
 from ..operators.chain import Call, RunsSteps, run_operator
 from ..operators.core_run import idle
 from ..photo.align import mesh_of_photo
 from ..photo.camera import chosen_camera, lacks_photo_camera
 from ..photo.options import finds_lights, rig_file_for
+from ..photo.photo import load_any_photo
 from ..scene.objects import find_object
 from ..scene.surfaces import middle_of
 from ..settings.declared import FileSetting, StringSetting
 from ..settings.record import result_of
 from .try_it import look_at
+
+# Two pictures of which the more colourful one is not so by this factor cannot be told apart.
+_CLEARLY = 1.1
 
 # From how far the result is shown, in the target's largest dimension.
 _AWAY = 2.0
@@ -32,10 +43,16 @@ class MPS_OT_scan(RunsSteps, bpy.types.Operator):
 
     bl_idname = "mps.scan"
     bl_label = "Scan"
+    drawn = staticmethod(draw_results)
     first_message = "looking at the mesh"
 
     photo: FileSetting("Photo", "Photo of the object to open first. Empty: the one that is open")
+    white: FileSetting("White Photo", "The same pose under white light, which shows the colours. Empty: the panel's")
     target: StringSetting("Target", "Name of the mesh object in the photo. Empty: the target, else the active one")
+
+    # Filled by Blender where files were dropped.
+    directory: StringProperty(subtype="DIR_PATH", options={"HIDDEN", "SKIP_SAVE"})
+    files: CollectionProperty(type=bpy.types.OperatorFileListElement, options={"HIDDEN", "SKIP_SAVE"})
 
     @classmethod
     def lacks(cls, context: Any) -> str:
@@ -47,13 +64,26 @@ class MPS_OT_scan(RunsSteps, bpy.types.Operator):
     def poll(cls, context: Any) -> bool:
         return idle(cls, context)  # a script may give the photo and the target
 
+    def invoke(self, context: Any, event: bpy.types.Event) -> set[Any]:
+        if self.files and (mesh := mesh_under(context, event.mouse_x, event.mouse_y) or _active_mesh(context)):
+            self.target = mesh.name
+        return super().invoke(context, event)
+
     def steps(self) -> Sequence[Callable[[Any], Call | None]]:
         return self._prepare, self._align, self._lights, self._estimate, self._bake, self._present
 
     def _prepare(self, context: Any) -> None:
         scene = context.scene
+        if self.files:
+            self.photo, self.white = photo_and_white([Path(self.directory, file.name) for file in self.files])
         if self.photo:
             run_operator(bpy.ops.mps.open_photo, filepath=self.photo)
+        if self.white:
+            scene.mps.estimate.white = self.white
+            words = Note("%s is taken as the white photo: it is the less colourful one", Path(self.white).name)
+            if self.files:
+                self._store_record(notes=[words])
+                self.tell(str(words))
         if self.target:
             scene.mps.bake.target = find_object(scene, self.target)
         self.refuse_lacking(context)
@@ -108,4 +138,59 @@ class MPS_OT_scan(RunsSteps, bpy.types.Operator):
                 look_at(context, middle_of(target), _AWAY * max(target.dimensions), camera.matrix_world.to_quaternion())
             if scene.mps.relight.lamp is None:
                 run_operator(bpy.ops.mps.relight)
-        self.tell("The object has the photo's normals as its texture. To stop the lamp press Relight in 4 Bake")
+        self.tell("The object shows the photo's normals. Before / After in 4 Bake compares; Relight stops the lamp")
+
+
+class MPS_FH_scan(bpy.types.FileHandler):
+    """Drag and drop: a photo, or a photo and its white photo, dropped onto a mesh in a 3D viewport is scanned."""
+
+    bl_idname = "MPS_FH_scan"
+    bl_label = "Scan onto the Mesh with MPS-Net"
+    bl_import_operator = "mps.scan"
+    bl_file_extensions = ";".join(PHOTO_SUFFIXES)
+
+    @classmethod
+    def poll_drop(cls, context: Any) -> bool:
+        in_viewport = context.area is not None and context.area.type == "VIEW_3D"
+        return in_viewport and any(obj.type == "MESH" for obj in context.view_layer.objects)
+
+
+def photo_and_white(pictures: Sequence[Path]) -> tuple[str, str]:
+    """Which of dropped pictures is the photo, and which the white photo; "" if there is none.
+
+    Raises InputError if there are more than two, or two that cannot be told apart.
+    """
+    if len(pictures) > 2:
+        raise InputError(f"these are {len(pictures)} pictures; drop one photo, or a photo and its white photo")
+    if len(pictures) < 2:
+        return str(pictures[0]), ""
+    before, colours = set(bpy.data.images), []
+    for picture in pictures:
+        image = load_any_photo(picture)
+        colours.append((colourfulness(pixels_of(image)[..., :3]), picture))
+        if image not in before:
+            bpy.data.images.remove(image)
+    (less, white), (more, photo) = sorted(colours)
+    if more < _CLEARLY * less:
+        raise InputError(
+            f"{photo.name} and {white.name} are equally colourful, so it is not clear which is the white "
+            "photo; drop the photo alone, and choose the white photo in Photo > Colour"
+        )
+    return str(photo), str(white)
+
+
+def mesh_under(context: Any, x: float, y: float) -> Any:
+    """The visible mesh object under the mouse in a viewport, None if there is none. x, y: in the window's pixels."""
+    area = context.area
+    if area is None or area.type != "VIEW_3D":
+        return None
+    region = next(region for region in area.regions if region.type == "WINDOW")
+    place, view = (x - region.x, y - region.y), area.spaces.active.region_3d
+    start, way = (of(region, view, place) for of in (region_2d_to_origin_3d, region_2d_to_vector_3d))
+    hit, *_, obj, _ = context.scene.ray_cast(context.evaluated_depsgraph_get(), start, way)
+    return obj if hit and obj.type == "MESH" else None
+
+
+def _active_mesh(context: Any) -> Any:
+    active = context.view_layer.objects.active
+    return active if active is not None and active.type == "MESH" else None

@@ -1,4 +1,4 @@
-"""Try It: the four steps on a new scene, without any files."""
+"""Try It: the four steps on a new scene, without any files, and what they are worth."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -12,6 +12,7 @@ from mathutils import Euler, Quaternion, Vector
 from mpsnet_core.errors import Cancelled
 from mpsnet_core.io.files import ensure_folder
 
+from ..bake.before_after import draw_results
 from ..operators.chain import Call, RunsSteps, run_operator
 from ..operators.core_run import idle
 from ..outputs import file_name, requested_path
@@ -20,8 +21,8 @@ from ..settings.declared import FolderSetting
 from .demo import make_demo, remove_demo
 
 # The view from the front, a little to the right and above, at a distance that shows the whole object.
-_LOOK = Euler((math.radians(80), 0, math.radians(20))).to_quaternion()
-_AWAY = 5.5
+_LOOK = Euler((math.radians(82), 0, math.radians(14))).to_quaternion()
+_AWAY = 3.6
 
 # Stored with the demo: the scene that was shown before.
 _BEFORE = "mpsnet_before"
@@ -29,17 +30,18 @@ _BEFORE = "mpsnet_before"
 
 class MPS_OT_try_it(RunsSteps, bpy.types.Operator):
     """See all steps in a new scene: an object, its photo under three coloured lights, the normals estimated
-    from it, and a low-poly copy that uses them. Takes seconds to half a minute and changes nothing of yours"""
+    from it, and a low-poly copy before and after. Takes seconds to half a minute and changes nothing of yours"""
 
     bl_idname = "mps.try_it"
     bl_label = "Try It"
+    drawn = staticmethod(draw_results)
     first_message = "making an object"
 
     pixels: IntProperty(
-        name="Photo Size", description="Width and height of the demo's photo in pixels", default=512, min=32, max=4096
+        name="Photo Size", description="Width and height of the demo's photo in pixels", default=400, min=32, max=4096
     )
     samples: IntProperty(
-        name="Samples", description="Cycles samples a pixel for each of the three lights", default=16, min=1, max=4096
+        name="Samples", description="Cycles samples a pixel for each of the three lights", default=6, min=1, max=4096
     )
     size: IntProperty(
         name="Texture Size",
@@ -83,7 +85,7 @@ class MPS_OT_try_it(RunsSteps, bpy.types.Operator):
         look_at(context, Vector(), _AWAY, _LOOK)
 
     def _photograph(self, context: Any) -> Call:
-        return "render_photo", {"samples": self.samples, "output": self._file(context, "photo.exr")}
+        return "render_photo", {"samples": self.samples, "white": True, "output": self._file(context, "photo.exr")}
 
     def _estimate(self, context: Any) -> Call:
         return "estimate", {"output": self._file(context, "normals.png")}
@@ -103,7 +105,8 @@ class MPS_OT_try_it(RunsSteps, bpy.types.Operator):
             context.view_layer.objects.active = obj
         if not bpy.app.background:
             run_operator(bpy.ops.mps.relight)
-        self.tell("The low-poly copy uses the photo's normals. To stop the lamp press Relight in 4 Bake")
+            run_operator(bpy.ops.mps.before_after, "INVOKE_DEFAULT")
+        self.tell("The low-poly copy uses the photo's normals. Esc ends Before / After; press Relight to stop the lamp")
 
     def _demo(self, context: Any) -> Any:
         """The demo's scene, if the window still shows it."""

@@ -145,7 +145,7 @@ class Solver:
             residual = residual - length * image
             heights += length * direction
         else:
-            log.info("the solution has not converged: %d iterations were too few", MAX_STEPS)
+            log.warning("the solution has not converged: %d iterations were too few", MAX_STEPS)
         return heights
 
     def _cycle(self, number: int, residual: F32) -> F32:

@@ -36,6 +36,9 @@ POINTS_AT_ONCE = 1 << 17
 POINTS_HELD = 1 << 22
 # The weight of the mesh's own normal where views fade out: that of a view at 80 degrees to the surface normal.
 FADE = 1e-3
+# Expected error of a view in degrees from which the mesh has this weight everywhere: at such a slant few pixels show
+# the surface, those of the photo and of the mesh are not the same points, and estimates err most. Exact views stay so.
+DOUBT = 5.0
 
 
 @takes_files
@@ -70,7 +73,8 @@ def bake_normals(
     -------
     Texture
         Each texel is the mean over the views that see it, weighted by confidence and by the fourth power of the cosine
-        between surface and camera. Texels that no view sees keep the mesh's shading normal unless they are filled.
+        between surface and camera. Where views expect an error, the mesh has a little weight, too: it shows at grazing
+        angles. Texels that no view sees keep the mesh's shading normal unless they are filled.
         Colours have the same weights. Where no view has one, they go on along the surface, and beyond the islands.
 
     Raises
@@ -267,7 +271,14 @@ class _Bake:
             fill_colours(texture.colours[..., :3], islands, texture.colours[..., 3] > 0, self._seams(texture_set))
         if not self.baking.fill:
             return texture
-        return fill_unseen(texture, islands, known, progress=part(progress, 0.6, 0.9))
+        return fill_unseen(
+            texture,
+            islands,
+            known,
+            self._seams(texture_set),
+            lambda row, column: under.frames(row, column, samples),
+            progress=part(progress, 0.6, 0.9),
+        )
 
     def _seams(self, texture_set: TextureSet) -> SeamEdges:
         """The seams of the texture set's meshes in its unit square, with the islands' numbers of :meth:`_islands`."""
@@ -345,7 +356,8 @@ class _Bake:
         points.views.ravel()[texels] = sums.views
         # In tangent space the surface's own normal is +z and need not be computed.
         some = np.flatnonzero(sums.views) if self.baking.space == "tangent" else np.arange(len(texels))
-        fade = np.float32(FADE * (self.projectors.feather > 0))
+        doubt = 1.0 if self.projectors.feather > 0 else min(1.0, (self.projectors.expected_error / DOUBT) ** 2)
+        fade = np.float32(FADE * doubt)
         mean = np.stack([sums.sums[:, axis].take(some) + normal[axis].take(some) * fade for axis in range(3)])
         vectors, first = points.vectors.reshape(-1), 3 * texels.take(some)
         encoded = surface.encoded(place.some(some), mean, self.baking.space, self.baking.strength)
@@ -389,6 +401,29 @@ class _RasterisedSurfaces:
             mine = np.flatnonzero(owner == number)
             yield surface, triangle.take(mine) - (ends[number] - len(surface.corners)), texels.take(mine)
 
+    def frames(self, row: I64, column: I64, samples: int) -> tuple[F32, F32]:
+        """(N, 3) unit tangents and bitangents in object space at the middles of texels, zero beside the surfaces.
+
+        row, column: (N,) of the texture. samples: points of the raster across a texel.
+        """
+        width, middle = self.raster.width // samples, samples // 2
+        tangents, bitangents = np.zeros((2, len(row), 3), np.float32)
+        for band in bands(int(row.max(initial=-1)) + 1):
+            inside = np.flatnonzero((row >= band.start) & (row < band.stop))
+            if not len(inside):
+                continue
+            laid = self.raster.rows(slice(band.start * samples, band.stop * samples))
+            laid = laid[middle::samples, middle::samples]
+            texel = (row[inside] - band.start) * width + column[inside]
+            wanted, number = np.full(laid.size, -1, np.int32), np.zeros(laid.size, np.int64)
+            wanted[texel], number[texel] = laid.ravel()[texel], inside
+            for surface, triangle, texels in self.patches(wanted.reshape(laid.shape)):
+                down, right = np.divmod(texels, width)
+                place = surface.place(triangle, right * samples + middle, (down + band.start) * samples + middle)
+                for out, axis in zip((tangents, bitangents), surface.frames(place), strict=True):
+                    out[number[texels]] = axis.T
+        return tangents, bitangents
+
 
 def _warn_of_overlapping_uvs(meshes: Sequence[Mesh], texture_set: TextureSet) -> None:
     level, remedy = logging.INFO, ""
@@ -398,12 +433,8 @@ def _warn_of_overlapping_uvs(meshes: Sequence[Mesh], texture_set: TextureSet) ->
         remedy = "; if each material has its own texture, put <MATERIAL> into the output's name"
     elif len(meshes) > 1:
         remedy = "; pack the objects' UVs together, or give each object a texture of its own"
-    log.log(
-        level,
-        "UVs overlap: there, the texture shows only one of the surfaces, if possible one that a view sees"
-        "%s [overlapping-uvs]",
-        remedy,
-    )
+    shown = "there, the texture shows only one of the surfaces, if possible one that a view sees"
+    log.log(level, f"UVs overlap: {shown}{remedy} [overlapping-uvs]")
 
 
 def _averaged(points: Texture, samples: int) -> Texture:

@@ -27,7 +27,7 @@ def bake_maps(options: Bake, progress: Progress) -> TexturesBaked | FramesBaked:
     views = list(map(_camera_and_normals, options.view))
     sequence = any(is_folder_or_pattern(normals) for _, normals in views)
     # Levelled views agree in their low frequencies: feathering leaves no seam.
-    baking = texture_files.bake_settings(options, FEATHER if options.level_scale() else 0.0)
+    baking = texture_files.bake_settings(options, FEATHER if options.level_scale() and not options.agreed else 0.0)
     for what, files, none in (("confidence maps", options.confidence, ""), ("albedos", options.albedo, ", or none")):
         if files and len(files) != len(views):
             raise SettingsError(f"there are {len(views)} views but {len(files)} {what}; give one a view{none}")
@@ -57,7 +57,8 @@ def _bake_pose(
     progress(0.0, "reading the mesh")
     files = BakeInputs(tuple(map(Path, options.mesh)), tuple(inputs)).files
     plan = texture_files.planned(options, target, [*files, *_onto_files(options)])
-    reader = ViewReader(options.level_scale(), plan.base_maps.in_photos(), options.normals_convention)
+    maps_in_photos = plan.base_maps.in_photos()
+    reader = ViewReader(options.level_scale(), maps_in_photos, options.normals_convention, options.agreed)
     seen, _ = reader.read(inputs, plan.meshes, part(progress, 0.05, 0.15))
     if options.albedo and len(seen) > 1:
         seen = matched_views(seen, plan.meshes, baking.feather)
@@ -83,13 +84,13 @@ def _bake_frames(
     files = [file for file, _ in frames.values()]
     read = {file for _, inputs in frames.values() for file in inputs.files}
     disk.check_no_overwrite(read.union(_onto_files(options)), files)
-    disk.remove_abandoned(
-        disk.ensure_folder(results_folder(target.output, "a sequence is baked", "textures"), "textures")
-    )
+    folder = results_folder(target.output, "a sequence is baked", "textures")
+    disk.remove_abandoned(disk.ensure_folder(folder, "textures"))
     level = options.level_scale()
     base_map = one_base_map(options.onto, options.onto_convention, options.onto_shown) if options.onto else None
-    reader = ViewReader(level, [base_map] if base_map else [], options.normals_convention)
-    settings = operation_facts(options, convention=target.convention, bits=str(target.bits), level=str(level))
+    reader = ViewReader(level, [base_map] if base_map else [], options.normals_convention, options.agreed)
+    how = f"{level}{' where they agree' if options.agreed else ''}"
+    settings = operation_facts(options, convention=target.convention, bits=str(target.bits), level=how)
     mesh_of = lru_cache(maxsize=1)(options.read_mesh)
     # A share of the base map's relief estimated per frame would flicker: the first frame's applies to all.
     first, shares = next(iter(frames.values()))[1], None

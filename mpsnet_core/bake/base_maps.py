@@ -16,13 +16,13 @@ from mpsnet_core.arrays.types import F32, Bools
 from mpsnet_core.arrays.unit_vectors import dot, normalised, rotated, rotation_between
 from mpsnet_core.bake.low_frequency_correction import correct_low_frequencies
 from mpsnet_core.bake.map_list import ListedMap, read_map_list
-from mpsnet_core.defaults import CONVENTIONS
+from mpsnet_core.defaults import CONVENTIONS, Convention
 from mpsnet_core.errors import FileError, FormatError, SettingsError, check_choice
 from mpsnet_core.io.from_files import takes_files
 from mpsnet_core.io.opening import AnyPath
 from mpsnet_core.scene.camera import Camera
 from mpsnet_core.scene.mesh import Mesh
-from mpsnet_core.scene.normal_encoding import Convention, read_vectors
+from mpsnet_core.scene.normal_encoding import read_vectors
 from mpsnet_core.scene.normal_map import OUTWARDS_SHARE, NormalMap
 from mpsnet_core.scene.rays import MeshHits, RayScene, mesh_hits
 from mpsnet_core.scene.texture import Texture

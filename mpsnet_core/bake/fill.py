@@ -1,154 +1,23 @@
-"""Filling: inpaints normals where no view sees the surface from the relief around it, in each UV island separately."""
+"""Filling: continues relief and colours where no view sees the surface from what is around it, across seams as well.
 
+The texture's texels are merged into cells of an island in a block of the texture. Cells are linked with their
+neighbours in the texture and with those beyond the island's seams, and Laplace's equation on this graph continues what
+is known.
+"""
+
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from mpsnet_core.arrays.graph_poisson import Graph, Solver, graph_of
 from mpsnet_core.arrays.mask_regions import connected, dilated
-from mpsnet_core.arrays.resampling import upsampled
 from mpsnet_core.arrays.row_bands import bands
 from mpsnet_core.arrays.types import F32, F64, I32, I64, Bools
 from mpsnet_core.arrays.unit_vectors import dot
 from mpsnet_core.errors import SettingsError
 from mpsnet_core.progress import Progress, part, silent
 from mpsnet_core.scene.texture import Texture
-
-# Larger textures are solved at half the size first.
-FINEST = 512
-# Texels this far from the rim keep the solution of the half-size texture.
-BAND = 4
-
-
-def check_filling(space: str) -> None:
-    """Raise SettingsError if a texture in that space cannot be filled."""
-    if space != "tangent":
-        raise SettingsError("only a texture in tangent space can be filled; bake in tangent space, or do not fill")
-
-
-def fill_unseen(texture: Texture, islands: I32, known: Bools, *, progress: Progress = silent) -> Texture:
-    """Fill the unseen texels smoothly from the rim of the seen ones.
-
-    Parameters
-    ----------
-    texture : Texture
-        A tangent-space texture without padding.
-    islands : (H, W) int32 array
-        Number of the UV island under each texel, from 0; -1 where there is none. Nothing is carried from one island to
-        another, because their tangents differ.
-    known : (H, W) bool array
-        Fully seen texels. Partly seen ones are averaged with the mesh's own normal: they are replaced as well, although
-        they count as seen.
-    progress : Progress
-
-    Returns
-    -------
-    Texture
-        The texture with `filled`. Unseen texels that are not connected to a seen one are unchanged.
-
-    Notes
-    -----
-    The normals' x and y solve Laplace's equation, with the rim as Dirichlet boundary and zero flux (Neumann) across the
-    islands' borders. By the maximum principle they stay within the rim's range, so a unit vector exists for each x, y.
-    """
-    xy, reached = _membrane(texture.vectors[..., :2], islands, known, progress)
-    vectors, place = texture.vectors.copy(), np.nonzero(reached)
-    upright = np.sqrt(np.maximum(1 - dot(xy[place], xy[place]), 0))
-    vectors[place] = np.concatenate([xy[place], upright[:, None]], axis=-1)
-    return replace(texture, vectors=vectors, filled=reached & ~texture.seen)
-
-
-def _membrane(xy: F32, islands: I32, known: Bools, progress: Progress) -> tuple[F32, Bools]:
-    """(H, W, 2) the values, with unknown ones solved as in :func:`fill_unseen`, and (H, W) which of these were reached.
-
-    A large texture is solved at half the size first. That is exact enough where the solution is smooth; only bands
-    along the rim and the islands' borders are solved again.
-    """
-    xy, settled = xy.copy(), np.zeros_like(known)
-    if max(islands.shape) > FINEST:
-        coarse, blocks, even = _half_size_membrane(xy, islands, known, progress)
-        near = dilated(known, BAND)
-        height, width = islands.shape
-        for rows in bands(height):
-            over = np.arange(height)[rows] // 2
-            from_coarse = np.repeat(even[over], 2, axis=1)[:, :width] & ~near[rows]
-            from_coarse &= np.repeat(blocks[over], 2, axis=1)[:, :width] == islands[rows]
-            doubled = upsampled(coarse, (2 * len(coarse), 2 * coarse.shape[1]), rows)[:, :width]
-            xy[rows][from_coarse], settled[rows] = doubled[from_coarse], from_coarse
-    reached = _solve(xy, islands, known | settled, part(progress, 0.5, 1.0))
-    return xy, reached | settled
-
-
-def _half_size_membrane(xy: F32, islands: I32, known: Bools, progress: Progress) -> tuple[F32, I32, Bools]:
-    """:func:`_membrane` at half the size: values, islands, and whether a texel's whole neighbourhood has values and
-    lies in one island."""
-    height, width = (-(-length // 2) for length in islands.shape)
-    quarters = [np.s_[down::2, right::2] for down, right in np.ndindex(2, 2)]
-    blocks = np.full((height, width), -1, np.int32)
-    for quarter in quarters:
-        part_of = islands[quarter]
-        inside = np.s_[: part_of.shape[0], : part_of.shape[1]]
-        blocks[inside] = np.maximum(blocks[inside], part_of)
-    total, count = np.zeros((height, width, 2), np.float32), np.zeros((height, width), np.uint8)
-    for quarter in quarters:
-        part_of = islands[quarter]
-        inside = np.s_[: part_of.shape[0], : part_of.shape[1]]
-        own = known[quarter] & (part_of == blocks[inside])
-        total[inside] += np.where(own[..., None], xy[quarter], np.float32(0))
-        count[inside] += own
-    total /= np.maximum(count, 1)[..., None]
-    coarse, reached = _membrane(total, blocks, count > 0, part(progress, 0.0, 0.5))
-    valued = np.where(reached | (count > 0), blocks, np.int32(-1))
-    padded = np.pad(valued, 1, constant_values=-1)
-    even = valued >= 0
-    for down, right in np.ndindex(3, 3):
-        even &= padded[down : down + height, right : right + width] == valued
-    return coarse, blocks, even
-
-
-def _solve(xy: F32, islands: I32, known: Bools, progress: Progress) -> Bools:
-    """Solve for the unknown values in place. Returns (H, W) which of them were reached."""
-    height, width = islands.shape
-    none = np.empty((0, 2), np.int32)
-    graph = graph_of(np.where(known, np.int32(-1), islands), none, np.empty(0, np.float32))
-    row, column = graph.cells.T
-    # (N,) how many of a texel's neighbours are known, and (N, 2) the sums of their values.
-    rim, sums = np.zeros(len(row), np.float32), np.zeros((len(row), 2), np.float32)
-    for down, right in ((0, 1), (1, 0), (0, -1), (-1, 0)):
-        y, x = np.clip(row + down, 0, height - 1), np.clip(column + right, 0, width - 1)
-        next_to_known = known[y, x] & (islands[y, x] == graph.islands)
-        rim += next_to_known
-        sums[next_to_known] += xy[y[next_to_known], x[next_to_known]]
-    filled = np.zeros_like(known)
-    reached = _reached(graph, rim > 0)
-    if reached.any():
-        # Unreached unknowns are pinned, to keep the system regular.
-        solver, start = Solver(replace(graph, hold=np.where(reached, rim, 1))), np.zeros_like(rim)
-        place = row[reached], column[reached]
-        for axis in (0, 1):
-            step = part(progress, axis / 2, (axis + 1) / 2, "filling what no view sees")
-            xy[(*place, axis)] = solver.solve(sums[:, axis], start, step)[reached]
-        filled[place] = True
-    return filled
-
-
-def _reached(graph: Graph, rim: Bools) -> Bools:
-    """(N,) which unknowns are connected to the rim, (N,)."""
-    own = np.arange(len(rim))
-    ends = [(own[ahead != own], ahead[ahead != own].astype(np.int64)) for ahead in graph.neighbours[:2]]
-    part_of = connected(len(rim), *map(np.concatenate, zip(*ends, strict=True)))
-    touched = np.zeros(len(rim), bool)
-    touched[part_of[rim]] = True
-    return touched[part_of]
-
-
-# ----------------------------------------------------------------------------------------------------------------------
-# Filling of colours where no view sees the surface: along the surface, across the seams of its UV islands.
-#
-# The texture's texels are merged into cells of an island in a block of the texture. Cells are linked with their
-# neighbours in the texture and with those beyond the island's seams, and Laplace's equation on this graph continues the
-# known colours.
-
 
 # Blocks across a texture, and texels of each that are looked at: what is filled is smooth.
 BLOCKS, LOOKED_AT = 256, 4
@@ -198,6 +67,61 @@ class _Cells:
         return np.where(self.keys[place] == key, place, -1)
 
 
+@dataclass(frozen=True)
+class Continued:
+    """Values of K kinds, continued over a surface."""
+
+    cells: _Cells
+    """The cells."""
+    values: F64
+    """(N, K). The value of each."""
+    touched: Bools
+    """(N,). The cells that the surface links with a known one. The others have the mean of all known ones."""
+
+    def at(self, row: I64, column: I64, island: I32) -> tuple[F32, Bools]:
+        """(M, K) values at texels, bilinear between the cells of their island, and (M,) whether these are touched."""
+        side = self.cells.side
+        y, x = (row + 0.5) / side - 0.5, (column + 0.5) / side - 0.5
+        top, left = np.floor(y).astype(np.int64), np.floor(x).astype(np.int64)
+        total, weight = np.zeros((len(row), self.values.shape[1]), np.float32), np.full(len(row), 1e-12, np.float32)
+        touched = np.zeros(len(row), bool)
+        for down, right in np.ndindex(2, 2):
+            cell = self.cells.number(self.cells.key(top + down, left + right, island))
+            share = np.abs(1 - down - (y - top)) * np.abs(1 - right - (x - left)) * (cell >= 0) + 1e-9 * (cell >= 0)
+            total += (self.values[cell] * share[:, None]).astype(np.float32)
+            weight += share.astype(np.float32)
+            touched |= self.touched[cell] & (cell >= 0)
+        return total / weight[:, None], touched
+
+
+def continued(
+    values_at: Callable[[I64, I64], F32],
+    islands: I32,
+    known: Bools,
+    seams: SeamEdges,
+) -> Continued:
+    """Continue what is known at texels over the surface.
+
+    values_at: (M, K) of known texels in these rows and columns, (M,) each; they must mean the same on all islands.
+    islands: (H, W), -1 where there is none. known: (H, W), somewhere on an island.
+    """
+    side = max(1, -(-max(islands.shape) // BLOCKS))
+    step = max(1, side // LOOKED_AT)
+    island = islands[::step, ::step]
+    rows, columns = np.indices(island.shape, np.int64) * step
+    cells = _Cells((len(islands), islands.shape[1]), side, int(islands.max()) + 1, np.empty(0, np.int64))
+    key = cells.key(rows // side, columns // side, island)
+    cells = replace(cells, keys=np.unique(key[key >= 0]))
+    seen = known[::step, ::step] & (key >= 0)
+    of_cell, looked_at, count = cells.number(key[seen]), values_at(rows[seen], columns[seen]), len(cells.keys)
+    amount = np.bincount(of_cell, minlength=count)
+    sums = [np.bincount(of_cell, one, count).astype(np.float64) for one in looked_at.T]
+    values: F64 = np.stack(sums, axis=1) / np.maximum(amount, 1)[:, None]
+    ties = _across(seams, cells)
+    touched = _solved(values, amount > 0, cells, ties[(ties >= 0).all(axis=1) & (ties[:, 0] != ties[:, 1])])
+    return Continued(cells, values, touched)
+
+
 def fill_colours(colours: F32, islands: I32, known: Bools, seams: SeamEdges) -> None:
     """Fill unknown colours on UV islands in place.
 
@@ -207,24 +131,10 @@ def fill_colours(colours: F32, islands: I32, known: Bools, seams: SeamEdges) -> 
     """
     if not known.any() or (known | (islands < 0)).all():
         return
-    side = max(1, -(-max(islands.shape) // BLOCKS))
-    step = max(1, side // LOOKED_AT)
-    island, seen = islands[::step, ::step], known[::step, ::step]
-    rows, columns = np.indices(island.shape, np.int64) * step // side
-    cells = _Cells((len(islands), islands.shape[1]), side, int(islands.max()) + 1, np.empty(0, np.int64))
-    key = cells.key(rows, columns, island)
-    cells = replace(cells, keys=np.unique(key[key >= 0]))
-    of_cell = cells.number(key[seen & (key >= 0)])
-    looked_at, count = colours[::step, ::step][seen & (key >= 0)], len(cells.keys)
-    amount = np.bincount(of_cell, minlength=count)
-    sums = [np.bincount(of_cell, one, count).astype(np.float64) for one in looked_at.T]
-    values: F64 = np.stack(sums, axis=1) / np.maximum(amount, 1)[:, None]
-    ties = _across(seams, cells)
-    _solved(values, amount > 0, cells, ties[(ties >= 0).all(axis=1) & (ties[:, 0] != ties[:, 1])])
+    found = continued(lambda row, column: colours[row, column], islands, known, seams)
     for band in bands(len(islands)):
-        missing = (islands[band] >= 0) & ~known[band]
-        row, column = np.nonzero(missing)
-        colours[band][missing] = _between_cells(values, cells, row + band.start, column, islands[band][missing])
+        row, column = np.nonzero((islands[band] >= 0) & ~known[band])
+        colours[band][row, column] = found.at(row + band.start, column, islands[band][row, column])[0]
 
 
 def _across(seams: SeamEdges, cells: _Cells) -> I64:
@@ -246,8 +156,11 @@ def _across(seams: SeamEdges, cells: _Cells) -> I64:
     return found
 
 
-def _solved(values: F64, known: Bools, cells: _Cells, ties: I64) -> None:
-    """Continue known colours (N, 3) over all cells in place. ties: (M, 2) cells that touch at seams."""
+def _solved(values: F64, known: Bools, cells: _Cells, ties: I64) -> Bools:
+    """Continue known values (N, K) over all cells in place. Returns (N,) the cells that are linked with a known one.
+
+    ties: (M, 2) cells that touch at seams.
+    """
     row, column, island = cells.places()
     sides = [cells.number(cells.key(row + down, column + right, island)) for right, down in _SIDES]
     own = np.arange(len(known))
@@ -255,13 +168,14 @@ def _solved(values: F64, known: Bools, cells: _Cells, ties: I64) -> None:
     part = connected(len(known), *np.concatenate([*ends, ties]).T)
     touched = np.zeros(len(known), bool)
     touched[part[known]] = True
-    mean, unknown = values[known].mean(axis=0), np.flatnonzero(touched[part] & ~known)
+    touched = touched[part]
+    mean, unknown = values[known].mean(axis=0), np.flatnonzero(touched & ~known)
     values[~known] = mean  # also of islands that nothing known touches
     if not len(unknown):
-        return
+        return touched
     place = np.full(len(known) + 1, -1, np.int32)  # the last is that of no cell
     place[unknown] = np.arange(len(unknown), dtype=np.int32)
-    hold, sums = np.zeros(len(unknown), np.float32), np.zeros((len(unknown), 3))
+    hold, sums = np.zeros(len(unknown), np.float32), np.zeros((len(unknown), values.shape[1]))
     linked = [(np.arange(len(unknown)), beside[unknown]) for beside in sides]
     linked += [(place[one], other) for one, other in (ties.T, ties[:, ::-1].T)]
     for one, other in linked:
@@ -274,19 +188,116 @@ def _solved(values: F64, known: Bools, cells: _Cells, ties: I64) -> None:
     among = place[ties][(place[ties] >= 0).all(axis=1)]
     position = np.stack([row, column], axis=1)[unknown].astype(np.int32)
     solver = Solver(Graph(position, island[unknown], neighbours, weights, among, np.ones(len(among), np.float32), hold))
-    for channel in range(3):
+    for channel in range(values.shape[1]):
         begin = np.full(len(unknown), mean[channel], np.float32)
         values[unknown, channel] = solver.solve(sums[:, channel].astype(np.float32), begin)
+    return touched
 
 
-def _between_cells(values: F64, cells: _Cells, row: I64, column: I64, island: I32) -> F32:
-    """(N, 3) colours at texels, bilinear between the cells of their island."""
-    y, x = (row + 0.5) / cells.side - 0.5, (column + 0.5) / cells.side - 0.5
-    top, left = np.floor(y).astype(np.int64), np.floor(x).astype(np.int64)
-    total, weight = np.zeros((len(row), 3), np.float32), np.full(len(row), 1e-12, np.float32)
-    for down, right in np.ndindex(2, 2):
-        cell = cells.number(cells.key(top + down, left + right, island))
-        share = np.abs(1 - down - (y - top)) * np.abs(1 - right - (x - left)) * (cell >= 0) + 1e-9 * (cell >= 0)
-        total += (values[cell] * share[:, None]).astype(np.float32)
-        weight += share.astype(np.float32)
-    return total / weight[:, None]
+# (N, 3) unit tangents and bitangents in object space at texels in these rows and columns.
+Frames = Callable[[I64, I64], tuple[F32, F32]]
+
+
+def check_filling(space: str) -> None:
+    """Raise SettingsError if a texture in that space cannot be filled."""
+    if space != "tangent":
+        raise SettingsError("only a texture in tangent space can be filled; bake in tangent space, or do not fill")
+
+
+def fill_unseen(
+    texture: Texture,
+    islands: I32,
+    known: Bools,
+    seams: SeamEdges,
+    frames: Frames,
+    *,
+    progress: Progress = silent,
+) -> Texture:
+    """Fill the unseen texels smoothly from the rim of the seen ones.
+
+    Parameters
+    ----------
+    texture : Texture
+        A tangent-space texture without padding.
+    islands : (H, W) int32 array
+        Number of the UV island under each texel, from 0; -1 where there is none.
+    known : (H, W) bool array
+        Fully seen texels. Partly seen ones are averaged with the mesh's own normal: they are replaced as well, although
+        they count as seen.
+    seams : SeamEdges
+        Where islands meet on the surface.
+    frames : Frames
+        The surface's tangents and bitangents, which differ from island to island.
+    progress : Progress
+
+    Returns
+    -------
+    Texture
+        The texture with `filled`. Unseen texels that the surface does not connect to a seen one are unchanged.
+
+    Notes
+    -----
+    What is continued is the relief, ``x T + y B``, a vector in object space, by Laplace's equation. Near the rim, x and
+    y are solved again, texel by texel. Both stay within the range of the rim: a unit vector exists for each x, y.
+    """
+    on_islands = known & (islands >= 0)
+    if not on_islands.any():
+        return replace(texture, filled=np.zeros_like(known))
+
+    def relief(row: I64, column: I64) -> F32:
+        tangent, bitangent = frames(row, column)
+        x, y = texture.vectors[row, column, :2].T[..., None]
+        return x * tangent + y * bitangent
+
+    found = continued(relief, islands, known, seams)
+    xy, reached = texture.vectors[..., :2].copy(), np.zeros_like(known)
+    for band in bands(len(islands)):
+        row, column = np.nonzero((islands[band] >= 0) & ~known[band])
+        values, touched = found.at(row + band.start, column, islands[band][row, column])
+        row, column = row[touched] + band.start, column[touched]
+        tangent, bitangent = frames(row, column)
+        xy[row, column] = np.stack([dot(values[touched], tangent), dot(values[touched], bitangent)], axis=-1)
+        reached[row, column] = True
+    if found.cells.side > 1:
+        settled = reached & ~dilated(on_islands, found.cells.side)
+        reached |= _solve(xy, islands, known | settled, progress)
+    vectors, place = texture.vectors.copy(), np.nonzero(reached)
+    upright = np.sqrt(np.maximum(1 - dot(xy[place], xy[place]), 0))
+    vectors[place] = np.concatenate([xy[place], upright[:, None]], axis=-1)
+    return replace(texture, vectors=vectors, filled=reached & ~texture.seen)
+
+
+def _solve(xy: F32, islands: I32, known: Bools, progress: Progress) -> Bools:
+    """Solve for the unknown values in place. Returns (H, W) which of them were reached."""
+    height, width = islands.shape
+    none = np.empty((0, 2), np.int32)
+    graph = graph_of(np.where(known, np.int32(-1), islands), none, np.empty(0, np.float32))
+    row, column = graph.cells.T
+    # (N,) how many of a texel's neighbours are known, and (N, 2) the sums of their values.
+    rim, sums = np.zeros(len(row), np.float32), np.zeros((len(row), 2), np.float32)
+    for down, right in ((0, 1), (1, 0), (0, -1), (-1, 0)):
+        y, x = np.clip(row + down, 0, height - 1), np.clip(column + right, 0, width - 1)
+        next_to_known = known[y, x] & (islands[y, x] == graph.islands)
+        rim += next_to_known
+        sums[next_to_known] += xy[y[next_to_known], x[next_to_known]]
+    filled = np.zeros_like(known)
+    reached = _reached(graph, rim > 0)
+    if reached.any():
+        # Unreached unknowns are pinned, to keep the system regular.
+        solver, start = Solver(replace(graph, hold=np.where(reached, rim, 1))), np.zeros_like(rim)
+        place = row[reached], column[reached]
+        for axis in (0, 1):
+            step = part(progress, axis / 2, (axis + 1) / 2, "filling what no view sees")
+            xy[(*place, axis)] = solver.solve(sums[:, axis], start, step)[reached]
+        filled[place] = True
+    return filled
+
+
+def _reached(graph: Graph, rim: Bools) -> Bools:
+    """(N,) which unknowns are connected to the rim, (N,)."""
+    own = np.arange(len(rim))
+    ends = [(own[ahead != own], ahead[ahead != own].astype(np.int64)) for ahead in graph.neighbours[:2]]
+    part_of = connected(len(rim), *map(np.concatenate, zip(*ends, strict=True)))
+    touched = np.zeros(len(rim), bool)
+    touched[part_of[rim]] = True
+    return touched[part_of]

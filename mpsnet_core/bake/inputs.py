@@ -6,9 +6,14 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from mpsnet_core.bake.base_maps import BaseMap, log_shares, remove_base_details
-from mpsnet_core.bake.low_frequency_correction import apply_low_frequency_correction, find_low_frequency_correction
+from mpsnet_core.bake.low_frequency_correction import (
+    LowFrequencyCorrection,
+    apply_low_frequency_correction,
+    find_low_frequency_correction,
+)
 from mpsnet_core.bake.projection import View
 from mpsnet_core.bake.view_agreement import warn_of_misfit
+from mpsnet_core.defaults import Convention
 from mpsnet_core.errors import FileError
 from mpsnet_core.estimate.albedo import read_albedo
 from mpsnet_core.io.files import prefix_errors
@@ -19,11 +24,13 @@ from mpsnet_core.progress import Progress
 from mpsnet_core.scene.camera import read_camera
 from mpsnet_core.scene.mesh import Mesh, join_meshes
 from mpsnet_core.scene.normal_directions import check_directions
-from mpsnet_core.scene.normal_encoding import Convention
 from mpsnet_core.scene.normal_map import read_normals
 from mpsnet_core.scene.rays import RayScene
 
 log = logging.getLogger(__name__)
+
+# A mesh of which a smaller share is taken lacks shapes that the photo shows.
+UNLIKE = 0.15
 
 
 @dataclass(frozen=True)
@@ -76,6 +83,8 @@ class ViewReader:
     """The mesh's base maps, whose relief is removed from the views (:mod:`mpsnet_core.bake.base_maps`)."""
     convention: Convention = "opengl"
     """Convention of the views' normal maps."""
+    agreed: bool = False
+    """Whether the correction is limited to what the view's expected error explains."""
 
     def read(
         self,
@@ -102,7 +111,14 @@ class ViewReader:
                 view = View(read_camera(one.camera), normals, None if one.albedo is None else read_albedo(one.albedo))
                 if known is None:
                     warn_of_misfit(f"{one.camera}={one.normals}", view, whole, scene)
-                _, view, _, found = self.prepared(view, whole, scene, known[number] if known else None)
+                _, view, correction, found = self.prepared(view, whole, scene, known[number] if known else None)
+                if known is None and self.agreed and correction is not None and correction.share < UNLIKE:
+                    log.info(
+                        "the mesh's large shapes are %.1f° apart from the estimate's, which expects to be %.1f° wrong: "
+                        "they stay nearly as estimated; if the mesh is exact, give --level on",
+                        correction.apart,
+                        view.normals.expected_error,
+                    )
                 shares.append(found)
                 views.append(view)
         if known is None:
@@ -111,16 +127,18 @@ class ViewReader:
 
     def prepared(
         self, view: View, mesh: Mesh, scene: RayScene, known: Sequence[float] | None = None
-    ) -> tuple[View, View, float, Sequence[float]]:
-        """The view without the base maps' relief, the same view levelled, the levelling's mean angle in degrees, and
-        the shares of the relief that were removed (`known`, if given)."""
+    ) -> tuple[View, View, LowFrequencyCorrection | None, Sequence[float]]:
+        """The view without the base maps' relief, the same view levelled, its correction if there is one, and the
+        shares of the relief that were removed (`known`, if given)."""
         normals, shares = remove_base_details(view.normals, view.camera, mesh, scene, self.base_maps, known)
         estimated = replace(view, normals=normals)
-        if not self.correction_scale:
-            return estimated, estimated, 0.0, shares
-        correction = find_low_frequency_correction(normals, view.camera, mesh, scene, scale=self.correction_scale)
+        if not self.correction_scale or (self.agreed and not normals.expected_error):
+            return estimated, estimated, None, shares
+        correction = find_low_frequency_correction(
+            normals, view.camera, mesh, scene, scale=self.correction_scale, agreed=self.agreed
+        )
         levelled = replace(view, normals=apply_low_frequency_correction(normals, correction))
-        return estimated, levelled, correction.mean_angle, shares
+        return estimated, levelled, correction, shares
 
 
 def frame_inputs(mesh: str, views: Sequence[tuple[str, str]]) -> dict[int, BakeInputs]:
@@ -141,13 +159,11 @@ def frame_inputs(mesh: str, views: Sequence[tuple[str, str]]) -> dict[int, BakeI
     left_out = max(map(len, numbered)) - len(numbers)
     if left_out:
         log.warning("%d frame(s) are left out: not every view or mesh has their number", left_out)
-    return {
-        number: BakeInputs(
-            (_file_of(meshes, number),),
-            tuple(ViewInputs(_file_of(cameras, number), _file_of(normals, number)) for cameras, normals in pairs),
-        )
-        for number in numbers
-    }
+    found = {}
+    for number in numbers:
+        views_of = (ViewInputs(_file_of(cameras, number), _file_of(normals, number)) for cameras, normals in pairs)
+        found[number] = BakeInputs((_file_of(meshes, number),), tuple(views_of))
+    return found
 
 
 def _by_number(given: str, what: str) -> Path | dict[int, Path]:

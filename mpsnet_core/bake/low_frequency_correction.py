@@ -6,8 +6,13 @@ estimate, smoothed around it, onto the mesh's normals, smoothed in the same way.
 
 Both are smoothed over a grid of cells in space, not in the image. The scale is a length on the object, the same in each
 view, and surfaces that are neighbours in the image alone do not mix.
+
+A mesh may also lack shapes that the photo shows. How far the two are apart is the sum of both errors, and the
+estimate's confidence says how large its own should be. Where they are further apart, the mesh is wrong: the correction
+can be limited to the share of it that the estimate's error explains (`agreed`).
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -30,6 +35,9 @@ TRACED_PIXELS = 1024
 CELLS = 2.0
 # Regularises the rotation about the mean normal towards 0: only a curved surface determines it.
 HOLD = 0.1
+# The part of an estimate's expected squared error that is of low frequency. Distance, in scales, over which it and the
+# difference from the mesh are averaged.
+SMOOTH_PART, AROUND = 0.5, 2.0
 
 
 @dataclass(frozen=True)
@@ -41,6 +49,10 @@ class LowFrequencyCorrection:
     extrapolated smoothly where the mesh is not seen."""
     known: Bools
     """(h, w) bool. Where the mesh is seen."""
+    apart: float = 0.0
+    """Root mean square angle in degrees between the low frequencies of the view and of the mesh."""
+    share: float = 1.0
+    """Mean share of the difference that is corrected."""
 
     @property
     def mean_angle(self) -> float:
@@ -51,7 +63,13 @@ class LowFrequencyCorrection:
 
 @takes_files
 def correct_low_frequencies(
-    normals: NormalMap, camera: Camera, mesh: Mesh, scene: RayScene | None = None, *, scale: float = LEVEL_SCALE
+    normals: NormalMap,
+    camera: Camera,
+    mesh: Mesh,
+    scene: RayScene | None = None,
+    *,
+    scale: float = LEVEL_SCALE,
+    agreed: bool = False,
 ) -> NormalMap:
     """Replace the low frequencies of the normals by those of the mesh.
 
@@ -68,6 +86,9 @@ def correct_low_frequencies(
     scale : float
         Standard deviation of the smoothing, as a fraction of the diagonal of the mesh's bounding box, 0.01 to 1. Relief
         smaller than about twice this is kept from the photo; larger shapes are those of the mesh.
+    agreed : bool
+        Take from the mesh only what the normals' expected error explains of the difference: nothing of normals with a
+        confidence of 1, and little of a mesh that lacks the photo's shapes.
 
     Returns
     -------
@@ -86,14 +107,22 @@ def correct_low_frequencies(
     At each point the rotation vector r brings the estimates n onto the mesh's normals m by least squares with Gaussian
     weights w: it minimises ``sum w |r x n - t x n|²``, where t is the rotation vector from n to m, perpendicular to n.
     The normal equations are ``(sum w (1 - n nᵀ)) r = sum w t``: Wahba's problem (1965), linearised.
+
+    With `agreed`, r is multiplied by ``e² / (e² + r²)``: the mean of r² around the point, and of half the squared
+    expected error. That shrinks r towards the estimate, as James and Stein's estimator does (1961).
     """
-    return apply_low_frequency_correction(
-        normals, find_low_frequency_correction(normals, camera, mesh, scene, scale=scale)
-    )
+    correction = find_low_frequency_correction(normals, camera, mesh, scene, scale=scale, agreed=agreed)
+    return apply_low_frequency_correction(normals, correction)
 
 
 def find_low_frequency_correction(
-    normals: NormalMap, camera: Camera, mesh: Mesh, scene: RayScene | None = None, *, scale: float = LEVEL_SCALE
+    normals: NormalMap,
+    camera: Camera,
+    mesh: Mesh,
+    scene: RayScene | None = None,
+    *,
+    scale: float = LEVEL_SCALE,
+    agreed: bool = False,
 ) -> LowFrequencyCorrection:
     """The rotations that :func:`correct_low_frequencies` applies. The parameters are the same."""
     if not MIN_LEVEL_SCALE <= scale <= MAX_LEVEL_SCALE:
@@ -111,12 +140,22 @@ def find_low_frequency_correction(
     row, column = row[seen.hit[front]], column[seen.hit[front]]
     known = np.zeros_like(known)
     known[row, column] = True
-    rotations = np.zeros((*known.shape, 3), np.float32)
+    rotations, apart, share = np.zeros((*known.shape, 3), np.float32), 0.0, 1.0
     if len(row):
-        points, estimate = seen.points[front].astype(np.float32), normals.vectors[rows[row], columns[column]]
-        rotations[row, column] = _smoothed_rotations(points, estimate, own[front], scale * scene.size)
+        place = rows[row], columns[column]
+        points, sigma = seen.points[front].astype(np.float32), scale * scene.size
+        turned = _smoothed_rotations(points, normals.vectors[place], own[front], sigma)
+        squared = (turned * turned).sum(axis=1)
+        apart = float(np.degrees(np.sqrt(squared.mean())))
+        if agreed:
+            expected = SMOOTH_PART * (np.pi / 2 * (1 - normals.confidence[place].astype(np.float32))) ** 2
+            expected, squared = _smoothed(points, np.stack([expected, squared]), AROUND * sigma, _means).T
+            shares = expected / np.maximum(expected + squared, 1e-12)
+            turned *= shares[:, None]
+            share = float(shares.mean())
+        rotations[row, column] = turned
     # Some rays miss between triangles, and a mask may reach a little beyond the mesh.
-    return LowFrequencyCorrection(push_pull(rotations, known), known)
+    return LowFrequencyCorrection(push_pull(rotations, known), known, apart, share)
 
 
 def apply_low_frequency_correction(normals: NormalMap, correction: LowFrequencyCorrection) -> NormalMap:
@@ -139,15 +178,30 @@ def _smoothed_rotations(points: F32, estimate: F32, own: F32, sigma: float) -> F
 
     sigma: standard deviation of the Gaussian weights, in world units.
     """
+    x, y, z = estimate.T
+    layers = [*rotation_between(estimate, own).T, *own.T, 1 - x * x, -x * y, -x * z, 1 - y * y, -y * z, 1 - z * z]
+    return _smoothed(points, np.stack(layers), sigma, _rotation)
+
+
+def _smoothed(
+    points: F32,
+    layers: F32,
+    sigma: float,
+    solve: Callable[[F32], F32],
+) -> F32:
+    """(N, C) what `solve` makes of layers (K, N) around each point.
+
+    sigma: standard deviation of the Gaussian weights, in world units. solve: takes the weighted sums (K + 1, M), of the
+    weights as well, and returns (M, C).
+    """
     cell = sigma / CELLS
     low = points.min(axis=0)
     place = (points - low) / cell + 1  # a border of one cell, for points below the first cell's centre
     shape = tuple((np.floor(place.max(axis=0)) + 2).astype(int))
     number = np.ravel_multi_index(tuple(np.round(place).astype(np.int64).T), shape)
-    x, y, z = estimate.T
-    layers = [*rotation_between(estimate, own).T, *own.T, 1 - x * x, -x * y, -x * z, 1 - y * y, -y * z, 1 - z * z]
     count = int(np.prod(shape))
-    grid = np.stack([np.bincount(number, layer, count).astype(np.float32) for layer in [*layers, np.ones(len(x))]])
+    every = [*layers, np.ones(len(points))]
+    grid = np.stack([np.bincount(number, layer, count).astype(np.float32) for layer in every])
     # Binning to the nearest cell (variance 1/12) and trilinear interpolation (1/6) already smooth a little.
     spread = CELLS**2 - 1 / 12 - 1 / 6
     grid = gaussian(grid.reshape(-1, *shape), spread**0.5, (1, 2, 3)).reshape(len(grid), -1)
@@ -159,15 +213,22 @@ def _smoothed_rotations(points: F32, estimate: F32, own: F32, sigma: float) -> F
     for offset in np.ndindex(2, 2, 2):
         needed[first + np.ravel_multi_index(offset, shape)] = True
     cells = np.flatnonzero(needed)
-    solved = np.zeros((count, 3), np.float32)
-    solved[cells] = _rotation(grid[:, cells])
-    rotations = np.zeros_like(points)
+    found = solve(grid[:, cells])
+    solved = np.zeros((count, found.shape[1]), np.float32)
+    solved[cells] = found
+    interpolated = np.zeros((len(points), found.shape[1]), np.float32)
     for offset in np.ndindex(2, 2, 2):
         along = np.where(offset, step, 1 - step)
         # np.prod is slow along so short an axis.
         share = along[:, 0] * along[:, 1] * along[:, 2]
-        rotations += share[:, None] * solved[first + np.ravel_multi_index(offset, shape)]
-    return rotations
+        interpolated += share[:, None] * solved[first + np.ravel_multi_index(offset, shape)]
+    return interpolated
+
+
+def _means(sums: F32) -> F32:
+    """(N, K) means. sums: (K + 1, N), the last of the weights."""
+    means: F32 = (sums[:-1] / np.maximum(sums[-1], np.float32(1e-12))).T
+    return means
 
 
 def _rotation(sums: F32) -> F32:

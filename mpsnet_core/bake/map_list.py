@@ -3,14 +3,12 @@
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+from mpsnet_core.defaults import Convention
 from mpsnet_core.errors import FormatError
 from mpsnet_core.io.files import read_json, write_json
 from mpsnet_core.io.opening import AnyPath
-
-if TYPE_CHECKING:  # Blender imports this module, without OpenImageIO
-    from mpsnet_core.scene.normal_encoding import Convention
 
 FORMAT, VERSION = "mpsnet-present-maps", 1
 
@@ -25,7 +23,7 @@ class ListedMap:
     """Name of the object; None for all."""
     material: str | None = None
     """Name of the material; None for all."""
-    convention: "Convention | None" = None
+    convention: Convention | None = None
     """Which way its green channel points; None if the list does not say."""
 
 

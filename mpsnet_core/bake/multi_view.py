@@ -89,16 +89,8 @@ class ViewCaptureSettings:
 
     def source(self, view: ViewPhoto, scene: RayScene) -> Source:
         """The view's photo, to be opened."""
-        return Source(
-            view.photo,
-            self.rig_of(view.camera),
-            self.mask_of(view),
-            f"view {view.name}",
-            view.camera,
-            view.lens,
-            scene=scene,
-            white=self.white_of(view),
-        )
+        facts = self.rig_of(view.camera), self.mask_of(view), f"view {view.name}", view.camera, view.lens
+        return Source(view.photo, *facts, scene=scene, white=self.white_of(view))
 
 
 def _companion_image(view: ViewPhoto, folder: PhotoFolder, ending: str, what: str) -> Path:
@@ -239,9 +231,9 @@ class CachedViews(Sequence[View]):
         view, known = self.kept[number].read(self.cameras[number]), self._shares.get(number)
         if known is None:
             view_agreement.warn_of_misfit(self.kept[number].name, view, self.mesh, self.scene)
-        estimated, levelled, angle, found = self.reader.prepared(view, self.mesh, self.scene, known)
+        estimated, levelled, correction, found = self.reader.prepared(view, self.mesh, self.scene, known)
         self._shares[number] = found
-        return estimated, levelled, angle
+        return estimated, levelled, 0.0 if correction is None else correction.mean_angle
 
 
 def estimate_views(
@@ -300,7 +292,7 @@ def bake_views(options: BakeViews, progress: Progress) -> ViewsBaked:
     with nullcontext(options.keep) if options.keep else disk.temporary_folder() as folder:
         if options.keep:
             disk.remove_abandoned(disk.ensure_folder(options.keep, "normals of the views"))
-        reader = ViewReader(level, plan.base_maps.in_photos())
+        reader = ViewReader(level, plan.base_maps.in_photos(), agreed=options.agreed)
         kept = _cached(options, views, folder)
         stored = CachedViews(kept, [view.camera for view in views], mesh, scene, reader)
         agreed = view_agreement.agreement(mesh, scene, FEATHER)

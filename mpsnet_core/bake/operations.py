@@ -15,8 +15,9 @@ from mpsnet_core.progress import Progress, silent
 from mpsnet_core.scene.operations import TakesMesh
 
 LEVEL = (
-    "take large shapes from the mesh, and from the photos only detail smaller than about twice SCALE (a "
-    f"fraction of the mesh's size; on means {defaults.LEVEL_SCALE:g})"
+    "take large shapes from the mesh, and from the photos only detail smaller than about twice SCALE (a fraction of "
+    f"the mesh's size; on means {defaults.LEVEL_SCALE:g}). auto: take them as far as the mesh agrees with the "
+    "estimate, within the error that the estimate expects of itself"
 )
 
 
@@ -114,7 +115,7 @@ class BakesDetail(MakesTextures):
 
     # the parsed scale is recorded
     level: str | None = optional(
-        LEVEL, metavar="on|off|SCALE", unset="off, or on with an existing map", provenance="none", numbers=True
+        LEVEL, metavar="auto|on|off|SCALE", unset="auto, or on with an existing map", provenance="none", numbers=True
     )
     strength: float = option(
         default=1.0,
@@ -158,18 +159,27 @@ class BakesDetail(MakesTextures):
         help="whether the photos already show the existing map's relief, which is then not added twice",
     )
 
+    @property
+    def _level(self) -> str:
+        return str(self.level or ("on" if self.onto else "auto"))
+
+    @property
+    def agreed(self) -> bool:
+        """Whether the levelling takes from the mesh only what agrees with the views."""
+        return self._level == "auto"
+
     def level_scale(self) -> float:
         """The levelling's scale as a fraction of the mesh's size, 0 for none. Raises SettingsError if it is invalid."""
         # The photo shows the base map's large shapes, too; they must not be added to it again.
-        text = str(self.level or ("on" if self.onto else "off"))
-        if text in ("on", "off"):
-            return defaults.LEVEL_SCALE if text == "on" else 0.0
+        text = self._level
+        if text in ("auto", "on", "off"):
+            return 0.0 if text == "off" else defaults.LEVEL_SCALE
         try:
             scale = float(text)
         except ValueError:
             scale = 0.0
         if not defaults.MIN_LEVEL_SCALE <= scale <= defaults.MAX_LEVEL_SCALE:
-            known = f"on, off, or a scale from {defaults.MIN_LEVEL_SCALE:g} to {defaults.MAX_LEVEL_SCALE:g}"
+            known = f"auto, on, off, or a scale from {defaults.MIN_LEVEL_SCALE:g} to {defaults.MAX_LEVEL_SCALE:g}"
             raise SettingsError(f"--level {text} is not known; give {known}")
         return scale
 
@@ -345,7 +355,7 @@ class BakeViews(RunsModel, ReadsPhotos, BakesDetail):
         unset="3 for the default model",
         provenance="none",
     )
-    level: str | None = option(default="on", metavar="on|off|SCALE", help=LEVEL, numbers=True)
+    level: str | None = option(default="on", metavar="auto|on|off|SCALE", help=LEVEL, numbers=True)
     keep: str | None = output_option(
         "folder for each view's normals and albedo; the next run reuses them",
         metavar="FOLDER",

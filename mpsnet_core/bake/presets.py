@@ -18,12 +18,9 @@ All of them expect tangent space by MikkTSpace. Sources of the table's values:
 import re
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
 
+from mpsnet_core.defaults import Convention
 from mpsnet_core.errors import Choices, SettingsError
-
-if TYPE_CHECKING:  # Blender imports this module, without OpenImageIO
-    from mpsnet_core.scene.normal_encoding import Convention
 
 
 @dataclass(frozen=True)
@@ -38,7 +35,7 @@ class Preset:
 
     label: str
     """Name of the program."""
-    convention: "Convention"
+    convention: Convention
     """Which way green points: up for "opengl", down for "directx"."""
     bits: int
     """Bits per channel."""

@@ -112,6 +112,7 @@ class Projector:
 
     def __init__(self, view: View, scene: RayScene, feather: float) -> None:
         self.camera = camera = view.camera
+        self.expected_error = view.normals.expected_error
         self.visibility = Visibility(camera, scene)
         away = camera.rotation.T @ (scene.middle - camera.world_from_camera[:3, 3])
         # The scene's centre in camera space, and the rotation from world to camera axes.
@@ -266,6 +267,8 @@ class Projectors:
         self.all: list[Projector] = []
         # Number of values per sample, see `Projector.sample_points`; known once views were read.
         self.values = 0
+        # Largest expected error of a view in degrees, known in the same way.
+        self.expected_error = 0.0
 
     def batches(self) -> Iterator[list[Projector]]:
         """Yield all projectors in the views' order, in batches of about HELD_BYTES. A batch is freed before the next.
@@ -283,6 +286,7 @@ class Projectors:
             if self.values not in (0, values):
                 raise GeometryError("some views have colours and others none; give all of them colours, or none")
             self.values = values
+            self.expected_error = max(self.expected_error, batch[-1].expected_error)
             size = _held_bytes(batch[-1])
             bytes_in_memory += size
             if number + 1 == len(self.views) == len(batch):

@@ -72,12 +72,8 @@ def texture_maps(texture: Texture, name: str = "") -> list[TextureMap]:
     covered = texture.covered[few]
 
     beyond = "has the mesh's own normals" if texture.filled is None else "is filled where its island is seen"
-    maps = [
-        TextureMap(
-            f"the texture{name and f' of {name}'}, {texture.space} space; what no view sees {beyond}",
-            on_background(encode(texture.vectors[few]), covered),
-        )
-    ]
+    words = f"the texture{name and f' of {name}'}, {texture.space} space; what no view sees {beyond}"
+    maps = [TextureMap(words, on_background(encode(texture.vectors[few]), covered))]
     if texture.colours is not None:
         colours = on_background(linear_to_srgb(texture.colours[few][..., :3]), covered)
         maps.append(TextureMap("the albedo; what no view sees is filled from its surroundings", colours))

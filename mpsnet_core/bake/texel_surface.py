@@ -100,6 +100,12 @@ class TexelSampler:
         outwards = self.outwards.take(place.triangle, axis=1)
         return SurfacePoints(self.at(place, self.position), _scaled_to_unit(normal), outwards)
 
+    def frames(self, place: Barycentric) -> tuple[F32, F32]:
+        """(3, N) unit tangents and bitangents in object space at sample points, perpendicular to the normals."""
+        normal, tangent = _scaled_to_unit(self.at(place, self.normal)), self.at(place, self.tangent)
+        tangent = _scaled_to_unit(tangent - normal * _dot(normal, tangent))
+        return tangent, self.sign.take(place.triangle) * np.cross(normal, tangent, axis=0)
+
     def encoded(self, place: Barycentric, vectors: F32, space: Space, strength: float) -> F32:
         """(3, N) unit normals in `space` from vectors (3, N) in world space; the surface's own where those are zero.
 
@@ -145,10 +151,6 @@ def _to_tangent_space(vectors: F32, normal: F32, tangent: F32, sign: F32) -> F32
     across = _dot(normal, tangent)
     (x, y, z), (u, v, w) = normal, tangent
     bitangent = np.stack([y * w - z * v, z * u - x * w, x * v - y * u])
-    return np.stack(
-        [
-            along_tangent * _dot(normal, normal) - along_normal * across,
-            _dot(vectors, bitangent) * sign,
-            along_normal * _dot(tangent, tangent) - along_tangent * across,
-        ]
-    )
+    right = along_tangent * _dot(normal, normal) - along_normal * across
+    outwards = along_normal * _dot(tangent, tangent) - along_tangent * across
+    return np.stack([right, _dot(vectors, bitangent) * sign, outwards])

@@ -11,13 +11,12 @@ from mpsnet_core.bake.base_maps import BaseMaps, base_map_files, blend_detail, c
 from mpsnet_core.bake.operations import Bake, BakesDetail, BakeViews, WrittenTexture
 from mpsnet_core.bake.presets import PRESETS, preset_output
 from mpsnet_core.bake.settings import BakeSettings
-from mpsnet_core.defaults import MARGIN
+from mpsnet_core.defaults import MARGIN, Convention
 from mpsnet_core.errors import GeometryError, SettingsError
 from mpsnet_core.estimate.albedo import write_albedo
 from mpsnet_core.io import files as disk
 from mpsnet_core.io.image_writing import write_mask
 from mpsnet_core.scene.mesh import Labels, Mesh
-from mpsnet_core.scene.normal_encoding import Convention
 from mpsnet_core.scene.texture import Texture, write_texture
 from mpsnet_core.scene.texture_names import albedo_file, split_by, texture_files, tile_patterns
 from mpsnet_core.scene.texture_sets import TextureSet, texture_sets

@@ -16,6 +16,7 @@ from mpsnet_core.arrays.types import F32, F64, Bools, Floats
 from mpsnet_core.arrays.unit_vectors import angular_error, normalised
 from mpsnet_core.bake.projection import Projector, View
 from mpsnet_core.bake.texel_surface import SurfacePoints
+from mpsnet_core.errors import Note
 from mpsnet_core.scene.camera import Camera
 from mpsnet_core.scene.mesh import Mesh, join_meshes, world_from_file
 from mpsnet_core.scene.rays import RayScene, mesh_hits
@@ -82,7 +83,8 @@ class Agreement:
         before, after = (_angles_to_the_others([samples[place] for samples in self._samples]) for place in (0, 1))
         seen = [float((levelled[:, 3] > 0).mean()) for _, levelled in self._samples]
         names, levels = zip(*self._views, strict=True)
-        known = zip(names, seen, levels, before, after, gains or [None] * len(seen), strict=True)
+        of_colours: Sequence[Sequence[float] | None] = gains or [None] * len(seen)
+        known = zip(names, seen, levels, before, after, of_colours, strict=True)
         return [ViewAgreement(*facts) for facts in known]
 
 
@@ -154,6 +156,7 @@ def _rounded(value: float) -> float | None:
 
 # Pixels that are compared on the longer side.
 PIXELS = 256
+TOGETHER = Note("check that camera, photo and mesh belong together, and the mesh's axes and unit (--up, --unit)")
 # A mask that covers more of the image has no outline to compare.
 WHOLE_IMAGE = 0.95
 # A mesh that covers less of a view than this is too small to be meant.
@@ -219,24 +222,22 @@ def warn_of_misfit(name: str, view: View, mesh: Mesh, scene: RayScene) -> None:
     remedy = _remedy(found, view, mesh, scene)
     if not (remedy or found.poor):
         return
+    covered = f"{100 * found.covered:.2g}%" if found.covered < 0.1 else f"{found.covered:.0%}"
     log.warning(
         "view %s does not fit the mesh, which covers %s of what the view shows, with normals that differ by %.0f° "
         "(median): %s [misfit-view]",
-        name,
-        f"{100 * found.covered:.2g}%" if found.covered < 0.1 else f"{found.covered:.0%}",
-        found.degrees,
-        remedy or "check that camera, photo and mesh belong together, and the mesh's axes and unit (--up, --unit)",
+        *(name, covered, found.degrees, remedy or TOGETHER),
     )
 
 
-def _remedy(found: ViewFit, view: View, mesh: Mesh, scene: RayScene) -> str:
+def _remedy(found: ViewFit, view: View, mesh: Mesh, scene: RayScene) -> Note:
     """The change of the mesh's axes or unit with which it fits, "" if there is none."""
     turn = world_from_file("y", 1.0)
     tried = [
-        ("it fits if its y axis points up (--up y)", _moved(view.camera, turn, 1.0)),
-        ("it fits if its z axis points up, not y (--up z)", _moved(view.camera, np.linalg.inv(turn), 1.0)),
+        (Note("it fits if its y axis points up (--up y)"), _moved(view.camera, turn, 1.0)),
+        (Note("it fits if its z axis points up, not y (--up z)"), _moved(view.camera, np.linalg.inv(turn), 1.0)),
         *(
-            (f"it fits if its unit is {unit:.4g} times as long (--unit)", _moved(view.camera, np.eye(4), unit))
+            (Note("it fits if its unit is %.4g times as long (--unit)", unit), _moved(view.camera, np.eye(4), unit))
             for unit in UNITS
         ),
     ]
@@ -244,7 +245,7 @@ def _remedy(found: ViewFit, view: View, mesh: Mesh, scene: RayScene) -> str:
     best, words = min(fits, key=lambda one: one[0].cost)
     # Without an outline, any size fits a flat mesh.
     is_clear = best.outlined and best.explained > max(EXPLAINED, found.explained)
-    return words if is_clear and best.covered > TINY and best.cost < BETTER * found.cost else ""
+    return words if is_clear and best.covered > TINY and best.cost < BETTER * found.cost else Note("")
 
 
 def _moved(camera: Camera, turn: F64, unit: float) -> Camera:

@@ -209,4 +209,4 @@ def _warn_of_doubts(sightings: Sequence[Sighting]) -> None:
     by_lens = max(float(sighting.by_lens().max()) for sighting in sightings)
     if by_lens:
         words = "the camera is assumed far away; give its lens (--focal, --camera): one of %g mm would make these "
-        log.info(words + "directions wrong by up to %.1f°, which their uncertainty includes", USUAL_LENS, by_lens)
+        log.warning(words + "directions wrong by up to %.1f°, which their uncertainty includes", USUAL_LENS, by_lens)

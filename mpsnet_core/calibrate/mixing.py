@@ -385,5 +385,5 @@ def _checked(found: MixingFound) -> MixingFound:
         log.warning(words + "and does the rig belong to this photo?", 100 * found.residual)
     if np.abs(found.ambient).max() > AMBIENT:
         words = "there is ambient light, %.0f%% as bright as the brightest lamp: darken the room, or subtract a photo "
-        log.info(words + "with the lamps off [room-light]", 100 * np.abs(found.ambient).max())
+        log.warning(words + "with the lamps off [room-light]", 100 * np.abs(found.ambient).max())
     return found

@@ -493,4 +493,4 @@ def _log_replaced_rig(file: Path) -> None:
 
     with contextlib.suppress(InputError):
         if file.is_file() and not np.array_equal(read_rig(file).mixing, np.eye(3)):
-            log.info("the mixing that %s held was of its old lights and is dropped; calibrate it again", file.name)
+            log.warning("the mixing that %s held was of its old lights and is dropped; calibrate it again", file.name)

@@ -13,7 +13,7 @@ from mpsnet_core.arrays.rasterize import extend_to_nearest
 from mpsnet_core.arrays.resampling import block_means, sampled_rows
 from mpsnet_core.arrays.sizes import SAME_CAMERA, check_same_size
 from mpsnet_core.arrays.types import F32, F64, Bools, Floats
-from mpsnet_core.errors import FormatError, GeometryError, NoObject, SettingsError
+from mpsnet_core.errors import FormatError, GeometryError, NoObject, Note, SettingsError
 from mpsnet_core.io.from_files import takes_files
 from mpsnet_core.io.image import CHANNELS, SATURATED_SHARE
 from mpsnet_core.io.shown import Shown
@@ -90,7 +90,7 @@ FEW = 9
 SAMPLED = 1 << 17
 # Above this share of saturated pixels, there is a doubt.
 SPOILT = 0.05
-WHITE_MISFIT = (
+WHITE_MISFIT = Note(
     "the white photo does not fit the photo: is it of the same object and pose, and under the rig's three lights "
     "turned white? if one lamp lit it, say where that was (--white-light) [white-photo-misfit]"
 )
@@ -287,7 +287,7 @@ def depth_within(mask: Bools, depth: F32 | float | None, rig: LightRig) -> F32 |
         raise GeometryError("the camera sees nothing of the mesh inside the mask; check that they belong to one photo")
     if inside < MIN_KNOWN * mask.sum():
         share = 100 * inside / mask.sum()
-        log.info("the mesh covers %.0f%% of the mask: do camera, mesh and mask belong to this photo?", share)
+        log.warning("the mesh covers %.0f%% of the mask: do camera, mesh and mask belong to this photo?", share)
     _log_assumed_unit(float(np.median(depth[known & mask])), rig.near)
     # Close to the mesh use the depth of its nearest pixel, far from it the mean.
     filled = np.where(known, depth, depth[known & mask].mean())[..., None]
@@ -299,7 +299,7 @@ def _log_assumed_unit(distance: float, near: NearLights) -> None:
     expected = -float(near.target[2])
     if not expected / MAX_OFF < distance < expected * MAX_OFF:
         words = "the object is %.3g away, but the lights' target %.3g: are camera, mesh and rig in the same unit?"
-        log.info(words, distance, expected)
+        log.warning(words, distance, expected)
 
 
 def channel_angles(values: F64) -> F64 | None:
@@ -317,37 +317,50 @@ def channel_angles(values: F64) -> F64 | None:
     return np.asarray(np.arccos(np.clip(cosines[[0, 0, 1], [1, 2, 2]], -1, 1)))
 
 
-def doubts(capture: Capture) -> Iterator[tuple[int, str, str]]:
+def doubts(capture: Capture) -> Iterator[tuple[int, str, Note]]:
     """What makes a photo's normals probably wrong: the level to log each doubt at, its kind, and the words."""
     sampled = [*sampled_rows(capture.mask, SAMPLED)]
     inside = np.concatenate([capture.image[rows][mask] for rows, mask in sampled]).astype(np.float64)
     spoilt = np.concatenate([capture.saturated_in(rows)[mask].any(axis=1) for rows, mask in sampled]).mean()
     pixels, means, angles = int(capture.mask.sum()), inside.mean(axis=0), channel_angles(inside)
     if pixels < FEW:
-        yield WARN, "few", f"the object has {pixels} pixel(s), too few for a surface: is it the right file?"
+        yield WARN, "few", Note("the object has %d pixel(s), too few for a surface: is it the right file?", pixels)
     if angles is not None and angles.max() <= ALIKE:
-        words = "the photo's three channels are nearly the same: it looks like a photo under white light, which does "
-        words += "not show normals; if you have three photos, each under one white light, combine them with mpsnet "
-        yield WARN, "alike", words + "superpose --channels [channels-alike]"
+        yield (
+            WARN,
+            "alike",
+            Note(
+                "the photo's three channels are nearly the same: it looks like a photo under white light, which does "
+                "not show normals; if you have three photos, each under one white light, combine them with mpsnet "
+                "superpose --channels [channels-alike]"
+            ),
+        )
     elif angles is not None and angles.min() <= ALIKE:
-        words = f"the {' and the '.join(PAIRS[int(angles.argmin())])} channel show nearly the same light; check the "
-        yield WARN, "alike", words + "lights' colours, and that all three are on [channels-alike]"
+        words = (
+            "the %s and the %s channel show nearly the same light; check the lights' colours, and that all three are "
+            "on [channels-alike]"
+        )
+        yield WARN, "alike", Note(words, *PAIRS[int(angles.argmin())])
     for channel, mean in zip(CHANNELS, means, strict=True):
         if mean < BLACK * means.max():
-            yield WARN, channel, f"the {channel} channel is black: was its light on? [black-channel]"
+            yield WARN, channel, Note("the %s channel is black: was its light on? [black-channel]", channel)
     if spoilt > SPOILT:
-        words = f"{100 * spoilt:.0f}% of the object's pixels are saturated and therefore wrong; use a shorter "
-        yield INFO, "clipped", words + "exposure [clipped-photo]"
+        words = (
+            "%.0f%% of the object's pixels are saturated and therefore wrong; use a shorter exposure [clipped-photo]"
+        )
+        yield WARN, "clipped", Note(words, 100 * spoilt)
     if capture.white is not None and shows_another_scene(capture.image, capture.white, capture.mask):
         yield WARN, "white misfit", WHITE_MISFIT
     if capture.white_clipped is not None:
         share = capture.white_clipped[capture.mask].any(axis=1).mean()
         if share > SPOILT:
-            words = f"{share:.0%} of the white photo's pixels are saturated; use a shorter exposure"
-            yield INFO, "clipped white", words
+            words = "%.0f%% of the white photo's pixels are saturated; use a shorter exposure"
+            yield WARN, "clipped white", Note(words, 100 * share)
     # A white photo removes the object's colour and the lights' relative strengths.
     alone = capture.white is None and np.array_equal(capture.rig.mixing, np.eye(3))
     if alone and means.min() > 0 and means.max() > 1.5 * means.min():
-        words = f"one channel is {means.max() / means.min():.1f} times as bright as another: the object is coloured or "
-        words += "the lights are unequal; the default model allows for it, equation 2 (lambertian) and mpsnet only "
-        yield INFO, "unequal", words + "with the mixing in the rig"
+        words = (
+            "one channel is %.1f times as bright as another: the object is coloured or the lights are unequal; the "
+            "default model allows for it, equation 2 (lambertian) and mpsnet only with the mixing in the rig"
+        )
+        yield INFO, "unequal", Note(words, means.max() / means.min())

@@ -136,7 +136,7 @@ def corrected(image: Image, correction: Correction | None) -> Image:
     if correction.dark is not None:
         dark, photo = correction.exposure_time, image.exposure_time
         if exposed_otherwise(dark, photo):
-            log.info("the dark frame was exposed for %.3g s, the photo for %.3g s: use the same for both", dark, photo)
+            log.warning("dark frame exposed for %.3g s, the photo for %.3g s: use the same for both", dark, photo)
         if np.nanmean(image.pixels) <= correction.dark.mean():
             raise FormatError("the dark frame is as bright as the photo; take it with the three lights off")
     clipped = image.saturated

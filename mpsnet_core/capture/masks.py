@@ -23,7 +23,7 @@ from mpsnet_core.arrays.statistics import deviation
 from mpsnet_core.arrays.types import F32, I32, I64, Bools
 from mpsnet_core.capture.decode import AS_STATED, Correction, PhotoReadOptions, corrected
 from mpsnet_core.defaults import MASK
-from mpsnet_core.errors import FileError, NoObject, SettingsError
+from mpsnet_core.errors import FileError, NoObject, Note, SettingsError
 from mpsnet_core.io.from_files import takes_files
 from mpsnet_core.io.image import Image
 from mpsnet_core.io.image_encoding import Encoding
@@ -260,24 +260,26 @@ def _clean_up(mask: Bools, contrast: F32, threshold: float, *, dark: bool) -> Bo
     return remove_small_regions(mask, PART * labelled(mask)[1][1:].max(initial=0))
 
 
-def _doubts(mask: Bools, clearness: float) -> Iterator[str]:
+def _doubts(mask: Bools, clearness: float) -> Iterator[Note]:
     share, touching = mask.mean(), mask[_border(mask.shape, 1)].mean()
     if clearness < CLEAR:
-        yield "object and background hardly differ in places: look at the mask before you use it"
+        yield Note("object and background hardly differ in places: look at the mask before you use it")
     if touching > 0.01:
-        yield (
-            f"the mask meets {100 * touching:.0f}% of the photo's border: is the object completely in the picture, in "
-            "front of a dark or plain background?"
+        yield Note(
+            "the mask meets %.0f%% of the photo's border: is the object completely in the picture, in front of a dark "
+            "or plain background?",
+            100 * touching,
         )
     holes = fill_small_holes(mask, mask.size).mean() / share - 1
     if holes > SHADOW:
-        yield (
-            f"the mask has holes of {100 * holes:.0f}% of its area, where the photo looks like the background: if they "
-            "belong to the object, give a mask file or none"
+        yield Note(
+            "the mask has holes of %.0f%% of its area, where the photo looks like the background: if they belong to "
+            "the object, give a mask file or none",
+            100 * holes,
         )
     if not SMALL_SHARE <= share <= LARGE_SHARE:
-        size = "small" if share < SMALL_SHARE else "large"
-        yield f"the mask is {size} for an object: look at it before you use it"
+        small = Note("the mask is small for an object: look at it before you use it")
+        yield small if share < SMALL_SHARE else Note("the mask is large for an object: look at it before you use it")
 
 
 def _otsu(values: F32) -> tuple[float, float]:

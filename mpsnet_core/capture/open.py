@@ -25,7 +25,7 @@ from mpsnet_core.capture.transfer import (
     warn_of_transfer_curve,
 )
 from mpsnet_core.defaults import MASK
-from mpsnet_core.errors import GeometryError, InputError, SettingsError
+from mpsnet_core.errors import GeometryError, InputError, Note, SettingsError
 from mpsnet_core.io.files import prefix_errors, resolved
 from mpsnet_core.io.frames import expand_images
 from mpsnet_core.io.from_files import takes_files
@@ -188,7 +188,7 @@ class PhotoSet:
         which = "" if self._alone else f"{source}: "
         for level, kind, words in doubts(capture):
             if self._first_report(kind):
-                log.log(level, "%s%s", which, words)
+                log.log(level, Note("%s: %s", str(source), words) if which else words)
         if self._first_report("rig"):
             warn_of_wrong_rig(capture.image, capture.mask, capture.rig, which)
         return capture

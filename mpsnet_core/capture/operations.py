@@ -4,10 +4,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cache, partial
 from pathlib import Path
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 from mpsnet_core.defaults import MASK, MAX_FOCAL, MIN_FOCAL
-from mpsnet_core.errors import GeometryError, SettingsError
+from mpsnet_core.errors import NOTE_LEVELS, GeometryError, Note, SettingsError
 from mpsnet_core.operation import Operation, Result, option
 from mpsnet_core.progress import Progress, silent
 from mpsnet_core.scene.operations import ReadsPictures, TakesMesh
@@ -307,6 +307,12 @@ class PhotoChecked(Result):
     """Level of the worst finding: "good", "watch" or "bad"."""
     findings: "list[Finding]"
     """One finding for each item."""
+
+    def facts(self) -> dict[str, Any]:
+        """The result as plain data, and the findings as notes."""
+        levels = dict(zip(("good", "watch", "bad"), NOTE_LEVELS, strict=True))
+        told = [Note("%s: %s", one.item, one.sentence, level=levels[one.level]) for one in self.findings]
+        return {**super().facts(), "told": [note.facts() for note in told]}
 
 
 @dataclass(frozen=True)

@@ -14,6 +14,7 @@ from mpsnet_core.arrays.types import F32, F64, Bools, Floats
 from mpsnet_core.arrays.unit_vectors import angular_error
 from mpsnet_core.capture.capture import ALIKE, PAIRS, channel_angles, finite_inside
 from mpsnet_core.capture.transfer import CLOSE, DECIDED
+from mpsnet_core.errors import Note
 from mpsnet_core.io.image import CHANNELS, Image
 from mpsnet_core.scene.rig import LightRig
 from mpsnet_core.scene.rig_check import check_rig, misfit_words
@@ -21,6 +22,7 @@ from mpsnet_core.scene.rig_check import check_rig, misfit_words
 Level = Literal["good", "watch", "bad"]
 Figures = dict[str, float | list[float]]
 LEVELS: tuple[Level, ...] = ("good", "watch", "bad")
+ITEMS = ("encoding", "exposure", "clipping", "channels", "lights", "rig", "mixing", "reach", "focus")
 
 # Pairs of limits: beyond the first the level is "watch", beyond the second "bad".
 # Exposure, as a share of full scale, or of the brightest channel if the file has no full scale.
@@ -63,7 +65,7 @@ class Finding:
     "focus"."""
     level: Level
     """How serious it is: "good", "watch" or "bad"."""
-    sentence: str
+    sentence: Note
     """The finding and, unless it is good, what to do about it."""
     figures: Figures
     """The measured values."""
@@ -144,11 +146,18 @@ def _encoding(encoding_evidence: float) -> Finding:
     figures: Figures = {"other_rather": round(encoding_evidence, 3)}
     level = _level(encoding_evidence, (CLOSE, DECIDED))
     if level == "good":
-        words = "the file does not state its colour encoding; nothing contradicts the usual one"
-        return Finding("encoding", level, words, figures)
-    likely = "is not" if level == "bad" else "may not be"
-    words = f"the file does not state its colour encoding, and by its shading it {likely} the usual one; set it "
-    return Finding("encoding", level, words + "to linear or srgb (--encoding) [transfer-curve]", figures)
+        words = Note("the file does not state its colour encoding; nothing contradicts the usual one")
+    elif level == "watch":
+        words = Note(
+            "the file does not state its colour encoding, and by its shading it may not be the usual one; set the "
+            "encoding to linear or srgb (--encoding) [transfer-curve]"
+        )
+    else:
+        words = Note(
+            "the file does not state its colour encoding, and by its shading it is not the usual one; set the encoding "
+            "to linear or srgb (--encoding) [transfer-curve]"
+        )
+    return Finding("encoding", level, words, figures)
 
 
 def _exposure(values: F64, noise: F64, full_scale: float | None) -> Finding:
@@ -162,19 +171,31 @@ def _exposure(values: F64, noise: F64, full_scale: float | None) -> Finding:
     level = _worse(dark, weak, noisy)
     of_what = "full scale" if full_scale else "the brightest channel"
     if level == "good":
-        words = "the object's brightest hundredth reaches at least "
-        reached = bright.min() / (full_scale or highest)
-        return Finding("exposure", level, f"{words}{reached:.0%} of {of_what} in every channel", figures)
+        reached = 100 * bright.min() / (full_scale or highest)
+        words = Note(
+            "the object's brightest hundredth reaches at least %.0f%% of %s in every channel", reached, of_what
+        )
+        return Finding("exposure", level, words, figures)
     if dark == level:
         longer = AIM / max(highest, 1e-3)
-        words = f"the object's brightest hundredth reaches only {highest:.1%} of full scale"
-        return Finding("exposure", level, f"{words}; expose about {longer:.0f} times as long", figures)
+        words = Note(
+            "the object's brightest hundredth reaches only %.1f%% of full scale; expose about %.0f times as long",
+            *(100 * highest, longer),
+        )
+        return Finding("exposure", level, words, figures)
     name = CHANNELS[weakest]
     if weak == level:
-        words = f"the {name} channel reaches only {share:.1%} of {of_what}"
-        return Finding("exposure", level, f"{words}; make the {name} light brighter, or check that it is on", figures)
-    words = f"the noise is 1/{max(signal, 1):.0f} of the object's brightness in its darkest channel"
-    return Finding("exposure", level, f"{words}; expose longer, at a lower ISO, or average several photos", figures)
+        words = Note(
+            "the %s channel reaches only %.1f%% of %s; make the %s light brighter, or check that it is on",
+            *(name, 100 * share, of_what, name),
+        )
+        return Finding("exposure", level, words, figures)
+    words = Note(
+        "the noise is 1/%.0f of the object's brightness in its darkest channel; expose longer, at a lower ISO, or "
+        "average several photos",
+        max(signal, 1),
+    )
+    return Finding("exposure", level, words, figures)
 
 
 def _clipping(values: F64, clipped: Bools) -> Finding:
@@ -183,11 +204,14 @@ def _clipping(values: F64, clipped: Bools) -> Finding:
     shares = (clipped | at_one).mean(axis=0)
     worst_one = int(shares.argmax())
     level = _level(float(shares[worst_one]), CLIPPED)
-    words = f"{shares[worst_one]:.1%} of the object is clipped in {CHANNELS[worst_one]}"
+    name = CHANNELS[worst_one]
+    words = Note(
+        "%.1f%% of the object is clipped in %s; use a shorter exposure, or dim the %s light [clipped-photo]",
+        *(100 * shares[worst_one], name, name),
+    )
     if level == "good":
-        words = "almost nothing of the object is clipped" if shares.any() else "nothing of the object is clipped"
-    else:
-        words += f"; use a shorter exposure, or dim the {CHANNELS[worst_one]} light [clipped-photo]"
+        words = Note("nothing of the object is clipped")
+        words = Note("almost nothing of the object is clipped") if shares.any() else words
     return Finding("clipping", level, words, {"clipped": _listed(shares)})
 
 
@@ -198,20 +222,27 @@ def _channels(values: F64, rig: LightRig | None) -> Finding:
     if angles is not None:
         figures["angles_deg"] = _listed(np.degrees(angles))
         if angles.max() <= ALIKE:
-            words = "the three channels are nearly the same, as under white light; switch the lights to red, green "
-            return Finding("channels", "bad", words + "and blue, or superpose three photos [channels-alike]", figures)
+            words = Note(
+                "the three channels are nearly the same, as under white light; switch the lights to red, green and "
+                "blue, or superpose three photos [channels-alike]"
+            )
+            return Finding("channels", "bad", words, figures)
         if angles.min() <= CLOSE_CHANNELS[0]:
             first, second = PAIRS[int(angles.argmin())]
             level: Level = _level(float(angles.min()), CLOSE_CHANNELS)
-            words = f"{first} and {second} show nearly the same light; check the lights' colours, and that all three "
-            return Finding("channels", level, words + "are on", figures)
+            words = Note(
+                "%s and %s show nearly the same light; check the lights' colours, and that all three are on",
+                *(first, second),
+            )
+            return Finding("channels", level, words, figures)
     level = _level(condition, MIXED)
     if level != "good":
-        words = f"the rig's mixing matrix amplifies noise {condition:.0f} times; use lights of purer colours"
+        words = Note("the rig's mixing matrix amplifies noise %.0f times; use lights of purer colours", condition)
         return Finding("channels", level, words, figures)
     if angles is None:
-        return Finding("channels", "good", "the object faces one way, so the channels cannot be compared", figures)
-    words = f"the channels show different lights, {np.degrees(angles.min()):.0f}° apart or more"
+        words = Note("the object faces one way, so the channels cannot be compared")
+        return Finding("channels", "good", words, figures)
+    words = Note("the channels show different lights, %.0f° apart or more", np.degrees(angles.min()))
     return Finding("channels", level, words, figures)
 
 
@@ -226,15 +257,21 @@ def _lights(rig: LightRig) -> Finding:
     in_line = _level(condition, IN_LINE)
     level = _worse(close, low, in_line)
     if level == "good":
-        words = f"the lights stand {angles.min():.0f}° apart or more, {rig.slants.min():.0f}° to "
-        return Finding("lights", level, f"{words}{rig.slants.max():.0f}° from the camera's axis", figures)
-    if close == level:
-        words = f"the {first} and the {second} light stand only {angles.min():.0f}° apart; move them apart"
+        words = Note(
+            "the lights stand %.0f° apart or more, %.0f° to %.0f° from the camera's axis",
+            *(angles.min(), rig.slants.min(), rig.slants.max()),
+        )
+    elif close == level:
+        words = Note("the %s and the %s light stand only %.0f° apart; move them apart", first, second, angles.min())
     elif in_line == level:
-        words = "the lights stand nearly in one line, or close around the camera; move one out of it, or all outwards"
+        words = Note(
+            "the lights stand nearly in one line, or close around the camera; move one out of it, or all outwards"
+        )
     else:
-        words = f"the {CHANNELS[lowest]} light stands {rig.slants[lowest]:.0f}° from the camera's axis and casts long "
-        words += "shadows; move it towards the camera"
+        words = Note(
+            "the %s light stands %.0f° from the camera's axis and casts long shadows; move it towards the camera",
+            *(CHANNELS[lowest], rig.slants[lowest]),
+        )
     return Finding("lights", level, words, figures)
 
 
@@ -244,13 +281,17 @@ def _rig(pixels: F32, mask: Bools, rig: LightRig) -> Finding:
     if fit.better:
         return Finding("rig", "bad", misfit_words(fit.better), figures)
     if fit.probability > LIKELY:
-        return Finding("rig", "good", "by its shading, the photo was taken under the rig's lights, in order", figures)
-    return Finding("rig", "good", "the photo does not tell whether the lights are in the rig's order", figures)
+        words = Note("by its shading, the photo was taken under the rig's lights, in its order")
+        return Finding("rig", "good", words, figures)
+    return Finding("rig", "good", Note("the photo does not tell whether the lights are in the rig's order"), figures)
 
 
 def _mixing() -> Finding:
-    words = "the rig does not state how the lights' colours mix; calibrate the mixing with a photo of a grey ball"
-    return Finding("mixing", "watch", f"{words} [unknown-mixing]", {})
+    words = Note(
+        "the rig does not state how the lights' colours mix; calibrate the mixing with a photo of a grey ball "
+        "[unknown-mixing]"
+    )
+    return Finding("mixing", "watch", words, {})
 
 
 def _reach(values: F64, noise: F64, rig: LightRig | None) -> Finding:
@@ -260,18 +301,21 @@ def _reach(values: F64, noise: F64, rig: LightRig | None) -> Finding:
     bright = np.percentile(values, 95, axis=0)
     seen = SHADOW_NOISE * noise < UNSEEN * bright
     if not seen.any():
-        return Finding("reach", "good", "the photo is too dark to tell which lights reach the object", {})
+        return Finding("reach", "good", Note("the photo is too dark to tell which lights reach the object"), {})
     dark = (values <= np.maximum(SHADOW * bright, SHADOW_NOISE * noise)) & seen
     reached = float((~dark.any(axis=1)).mean())
     by_light = 1 - dark.mean(axis=0)
     level = _level(reached, REACHED)
     figures: Figures = {"all_lights": round(reached, 4), "each_light": _listed(by_light)}
     unseen = " and the ".join(name for name, known in zip(CHANNELS, seen, strict=True) if not known)
-    lights = f"all lights but the {unseen} one, too dark to tell," if unseen else "all three lights"
-    words = f"{lights} reach {reached:.0%} of the object"
+    lights = Note("all lights but the %s one, too dark to tell,", unseen) if unseen else Note("all three lights")
+    words = Note("%s reach %.0f%% of the object", lights, 100 * reached)
     if level != "good":
         name = CHANNELS[int(by_light.argmin())]
-        words += f", the {name} one {by_light.min():.0%}; move the {name} light towards the camera, or turn the object"
+        words = Note(
+            "%s, the %s one %.0f%%; move the %s light towards the camera, or turn the object",
+            *(words, name, 100 * by_light.min(), name),
+        )
     return Finding("reach", level, words, figures)
 
 
@@ -300,14 +344,18 @@ def _focus(pixels: Floats, mask: Bools, noise: F64) -> Finding:
         if blur is not None:
             break
     else:
-        return Finding("focus", "good", "the object shows no edges by which its focus could be judged", {})
+        return Finding("focus", "good", Note("the object shows no edges by which its focus could be judged"), {})
     # The blur of large objects is rated relative to their size, that of small ones in pixels.
     level = _level(blur * min(1.0, FOCUS_SIDE / side), BLURRED)
     figures: Figures = {"blur_pixels": round(blur, 3)}
     if level == "good":
-        return Finding("focus", level, "the sharpest edges are sharp", figures)
-    words = f"even the sharpest edges are blurred by {blur:.1f} pixels, 1/{side / blur:.0f} of the object's size"
-    return Finding("focus", level, f"{words}; focus on it, stop down, and hold camera and object still", figures)
+        return Finding("focus", level, Note("the sharpest edges are sharp"), figures)
+    words = Note(
+        "even the sharpest edges are blurred by %.1f pixels, 1/%.0f of the object's size; focus on it, stop down, and "
+        "hold camera and object still",
+        *(blur, side / blur),
+    )
+    return Finding("focus", level, words, figures)
 
 
 def _sharpest_edges(pixels: Floats, mask: Bools, noise: F64, factor: int, outline: bool) -> float | None:

@@ -54,12 +54,17 @@ def warn_of_transfer_curve(name: str, assumed: Assumed, *, decided: bool) -> Non
     other = other_encoding(assumed)
     usual, likely = WORDS[assumed], "sRGB" if other == "srgb" else "LINEAR"
     if decided:
-        words = f"was READ AS {likely}: read as {usual} its normals would fit no surface; if it is {usual}, "
-        words += f"set the encoding to {assumed} (--encoding {assumed})"
+        log.warning(
+            "%s does not state its colour encoding and was READ AS %s, because read as %s its normals would fit no "
+            "single surface; if it is %s, set the encoding to %s (--encoding %s) [transfer-curve]",
+            *(name, likely, usual, usual, assumed, assumed),
+        )
     else:
-        words = f"was read as {usual}, but MAY BE {likely}; if so, set the encoding to {other} (--encoding {other}): "
-        words += "the wrong curve turns normals by ten degrees and more"
-    log.warning("%s does not state its colour encoding and %s [transfer-curve]", name, words)
+        log.warning(
+            "%s does not state its colour encoding and was read as %s, but MAY BE %s; if so, set the encoding to %s "
+            "(--encoding %s): the wrong curve turns normals by ten degrees and more [transfer-curve]",
+            *(name, usual, likely, other, other),
+        )
 
 
 def evidence_for_linear(pixels: Floats, mask: Bools, rig: LightRig, *, as_srgb: bool = True) -> float:

@@ -158,10 +158,10 @@ def _run(arguments: Sequence[str], notes: NoteCollector) -> bool:
     finally:
         reporter.close()
     if reporter.style == "json":
-        print_json(result={**result, "notes": notes.lines})
+        print_json(result=notes.added_to(result))
         return "failed" in result
-    for line in notes.lines:
-        print(f"note: {line}", file=sys.stderr)
+    for note in notes.notes:
+        print(f"note: {note}", file=sys.stderr)
     if result.get("text"):
         print(printable(result["text"]), flush=True)
     for line in _also_written(result):

@@ -11,10 +11,11 @@ from collections.abc import Sequence
 from datetime import UTC, datetime
 from typing import Any
 
-from mpsnet_core.errors import SettingsError, in_one_line
+from mpsnet_core.errors import Note, NoteLevel, SettingsError, in_one_line
 from mpsnet_core.progress import Bar, can_show_bar
 
 _LEVELS = {"info": logging.INFO, "warning": logging.WARNING, "error": logging.ERROR}
+_OF_NOTES: dict[int, NoteLevel] = {logging.INFO: "good", logging.WARNING: "look", logging.ERROR: "stop"}
 
 
 def log_level() -> int:
@@ -33,12 +34,18 @@ class NoteCollector(logging.Handler):
 
     def __init__(self) -> None:
         super().__init__(logging.INFO)
-        self.lines: list[str] = []
+        self.notes: list[Note] = []
 
     def emit(self, record: logging.LogRecord) -> None:
-        line = in_one_line(record.getMessage())
-        if line not in self.lines:
-            self.lines.append(line)
+        said = record.msg if isinstance(record.msg, Note) else Note(str(record.msg), *(record.args or ()))
+        note = Note(said.template, *said.values, level=_OF_NOTES[record.levelno])
+        if note not in self.notes:
+            self.notes.append(note)
+
+    def added_to(self, result: dict[str, Any]) -> dict[str, Any]:
+        """The facts of a result with the notes: "notes" as sentences, "told" with levels and codes, for programs."""
+        told = [*result.get("told", ()), *(note.facts() for note in self.notes)]
+        return {**result, "notes": self.notes, "told": told}
 
 
 class Reporter:

@@ -222,7 +222,7 @@ class Estimate(RunsModel, HasViewpoint, ReadsPhotos):
         from mpsnet_core.io.files import ensure_folder, write_transaction
         from mpsnet_core.io.image_writing import write_image
         from mpsnet_core.io.marks import made
-        from mpsnet_core.scene.normal_map import write_normals
+        from mpsnet_core.scene.normal_map import stating_the_error, write_normals
 
         estimator = self.estimator(self.passes)
         source = replace(self.source(photo, self.rig, self.mask), white=self.white, white_light=white_light)
@@ -238,7 +238,9 @@ class Estimate(RunsModel, HasViewpoint, ReadsPhotos):
         progress(0.9, f"writing {output.name}")
         ensure_folder(output.parent, "normals")
         with write_transaction():
-            write_normals(output, normals, convention=self.convention)
+            # A baseline's confidence is no expected error.
+            told = None if estimator.name in BASELINES else stating_the_error(normals)
+            write_normals(output, normals, convention=self.convention, description=told)
             if self.confidence:
                 write_image(self.confidence, normals.confidence, description=made("confidence"))
             if self.albedo:

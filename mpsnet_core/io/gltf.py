@@ -194,7 +194,8 @@ class _Document:
                     raise ValueError("attributes of different counts")
             if tangents is not None:
                 tangents = None if normals is None else self.checked(tangents)
-            material = "" if "material" not in one else str(self.materials[one["material"]].get("name", ""))
+            number = one.get("material")
+            material = "" if number is None else str(self.materials[number].get("name", ""))
             uvs = None if uvs is None else uvs * (1, -1) + (0, 1)
             yield Part("", material, np.eye(4), _triangles(order, mode), vertices, normals, tangents, uvs)
 

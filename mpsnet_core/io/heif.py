@@ -48,9 +48,8 @@ class HeifReader:
         self._spec = oiio.ImageSpec(width, height, channels, str(self._values.dtype))
         self._spec.attribute("oiio:UnassociatedAlpha", 1)
         if profile := image.info.get("icc_profile"):
-            self._spec.attribute(
-                "ICCProfile", oiio.TypeDesc(f"uint8[{len(profile)}]"), np.frombuffer(profile, np.uint8)
-            )
+            size = oiio.TypeDesc(f"uint8[{len(profile)}]")
+            self._spec.attribute("ICCProfile", size, np.frombuffer(profile, np.uint8))
         _, found, colour = file_head(path, PROPERTIES).partition(b"colrnclx")
         if found and len(colour) > 4:
             self._spec.attribute(TRANSFER, int.from_bytes(colour[2:4], "big"))

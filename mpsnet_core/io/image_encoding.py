@@ -141,13 +141,9 @@ def _stated_encoding(path: Path, spec: Any) -> tuple[Curve, Assumed | None]:
         linear = "lin" in stated or stated in ("raw", "data")
         curve = None if linear or profile is None else profile_curve(profile.tobytes())
         if profile is not None and curve is None and not linear:
-            log.warning(
-                f"{path} has a colour profile of tables, without curves, which is not applied; convert it to sRGB"
-            )
+            log.warning("%s has a colour profile of tables, without curves, not used; convert it to sRGB", path)
         if profile is None and image_attribute(spec, STATES_TABLE, int) == 1:
-            log.warning(
-                "%s states its curve by a table (TIFF's TransferFunction), which is not read; save it as sRGB", path
-            )
+            log.warning("%s states its curve by a table (TransferFunction), not read; save it as sRGB", path)
         linear = linear or (floats and curve is None)
         if curve is None and not linear:
             curve = _gamma_curve(image_attribute(spec, "oiio:Gamma", float), path)

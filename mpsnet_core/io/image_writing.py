@@ -58,8 +58,9 @@ def write_image(
             f"{path}: an array of shape {pixels.shape} is not an image; give rows and columns, and one to four channels"
         )
     pixels = pixels if pixels.ndim == 3 else pixels[..., None]
-    shape, band = (len(pixels), *pixels.shape[1:]), pixels.__getitem__
-    write_bands(path, shape, band, bits=bits, color_space=color_space, description=description)
+    height, width, channels = pixels.shape
+    shape = height, width, channels
+    write_bands(path, shape, pixels.__getitem__, bits=bits, color_space=color_space, description=description)
 
 
 def write_photo(

@@ -16,13 +16,9 @@ def text_table(header: Sequence[str], lines: Sequence[Sequence[str]], left: int)
     """
     table = [header, *lines]
     widths = [max(len(line[column]) for line in table) for column in range(len(header))]
-    return "\n".join(
-        "  ".join(
-            cell.ljust(width) if column < left else cell.rjust(width)
-            for column, (cell, width) in enumerate(zip(line, widths, strict=True))
-        ).rstrip()
-        for line in table
-    )
+    sides = [str.ljust] * left + [str.rjust] * (len(header) - left)
+    rows = ([put(cell, width) for put, cell, width in zip(sides, line, widths, strict=True)] for line in table)
+    return "\n".join("  ".join(row).rstrip() for row in rows)
 
 
 def table_of_means(header: Sequence[str], values: Iterable[tuple[tuple[str, ...], str, float | None]]) -> str:
@@ -37,14 +33,11 @@ def table_of_means(header: Sequence[str], values: Iterable[tuple[tuple[str, ...]
         cells = lines.setdefault(line, {})
         if value is not None:
             cells.setdefault(column, []).append(value)
-    return text_table(
-        [*header, *columns, "mean"],
-        [
-            [*line, *(mean_cell(cells.get(name, [])) for name in columns), mean_cell([*chain(*cells.values())])]
-            for line, cells in lines.items()
-        ],
-        len(header),
-    )
+    rows = [
+        [*line, *(mean_cell(cells.get(name, [])) for name in columns), mean_cell([*chain(*cells.values())])]
+        for line, cells in lines.items()
+    ]
+    return text_table([*header, *columns, "mean"], rows, len(header))
 
 
 def mean_cell(values: Sequence[float]) -> str:

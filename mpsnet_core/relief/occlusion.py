@@ -367,9 +367,8 @@ class _Views:
         x, y = self.x[columns], self.y[lines]
         depth = np.where(self.heights.mask[part], -self.heights.values[part], np.float32(1))
         length = np.sqrt(x * x + y * y + 1)
-        return _View(
-            n_x, n_y, (n_z - n_x * x - n_y * y) / length, -x / length, -y / length, depth / self.middle * length
-        )
+        upright = (n_z - n_x * x - n_y * y) / length
+        return _View(n_x, n_y, upright, -x / length, -y / length, depth / self.middle * length)
 
 
 def _ground(heights: HeightMap, views: _Views) -> OcclusionGrid:

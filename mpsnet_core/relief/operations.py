@@ -163,11 +163,8 @@ class Integrate(DisplacesMesh, MakesProducts, HasScale):
 
     def _check_together(self) -> None:
         """Raise SettingsError if an option is set that has no effect with the others."""
-        given = {
-            setting.name: setting.flags[-1]
-            for setting in settings(type(self))
-            if getattr(self, setting.name) != setting.default
-        }
+        own = settings(type(self))
+        given = {one.name: one.flags[-1] for one in own if getattr(self, one.name) != one.default}
         for name in _OF_PHOTOS if self.uvs else ():
             if name in given:
                 raise SettingsError(f"{given[name]} goes with a photo's normals, not with --uvs; leave it out")

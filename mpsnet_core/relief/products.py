@@ -202,10 +202,8 @@ def _surface(options: Integrate, progress: Progress) -> Surface:
         box = grained_box(normals.mask) if kept is None else (slice(0, height), slice(0, width))
         if kept is None:
             normals = _cropped(normals, box)  # the rest is released: a large photo's takes much memory
-        inner, step = (
-            camera.cropped(box[1].start, box[0].start, *normals.mask.shape[::-1]),
-            part(progress, 0, to_occlusion),
-        )
+        inner = camera.cropped(box[1].start, box[0].start, *normals.mask.shape[::-1])
+        step = part(progress, 0.0, to_occlusion)
         distance = options.distance if perspective else None
         heights = integrate(normals, inner, method=options.method, distance=distance, progress=step)
         if options.occlusion:

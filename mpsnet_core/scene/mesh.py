@@ -314,12 +314,10 @@ def _read_npz(path: Path, shape_only: bool) -> Mesh:
     if missing:
         raise FormatError(f'it lacks "{missing[0]}"; export it again')
     vertices, triangles, normals, uvs = (arrays[name] for name in needed)
-    uvs, pose = (
-        _no_uvs(len(np.atleast_1d(triangles))) if shape_only else uvs,
-        arrays.get("world_from_object", np.eye(4)),
-    )
-    polygons, labels = arrays.get("triangle_polygon"), _labels_of_arrays(arrays)
-    return Mesh(vertices, triangles, normals, uvs, arrays.get("tangents"), pose, **labels, polygons=polygons)
+    uvs = _no_uvs(len(np.atleast_1d(triangles))) if shape_only else uvs
+    tangents, pose = arrays.get("tangents"), arrays.get("world_from_object", np.eye(4))
+    labels, polygons = _labels_of_arrays(arrays), arrays.get("triangle_polygon")
+    return Mesh(vertices, triangles, normals, uvs, tangents, pose, **labels, polygons=polygons)
 
 
 def _of_polygons(found: Polygons, shape_only: bool, world_from_object: F64 | None = None) -> Mesh:
@@ -339,9 +337,10 @@ def _of_polygons(found: Polygons, shape_only: bool, world_from_object: F64 | Non
             raise GeometryError(f"{who} no UVs; unwrap it in Blender (UV > Smart UV Project) and export it with UVs")
         uvs = found.uvs[order]
     counts, pose = found.sizes - 2, np.eye(4) if world_from_object is None else world_from_object
-    labels, polygons = [_labels(runs, counts) for runs in (found.materials, found.objects)], np.arange(len(counts))
+    materials, objects = (_labels(runs, counts) for runs in (found.materials, found.objects))
+    polygons = np.repeat(np.arange(len(counts)), counts)
     triangles, normals = found.corners[order].astype(np.int32), _shaded(found)[order]
-    mesh = Mesh(found.vertices, triangles, normals, uvs, None, pose, *labels, np.repeat(polygons, counts))
+    mesh = Mesh(found.vertices, triangles, normals, uvs, None, pose, materials, objects, polygons)
     if found.tangents is None or shape_only:
         return mesh
     given = found.tangents[order]
@@ -400,12 +399,11 @@ def _read_glb(path: Path, shape_only: bool) -> Mesh:
     vertices, sizes = np.concatenate([part.vertices for part in placed]), np.full(sum(counts), 3)
     tangents = joined("tangents", 4) if any(part.tangents is not None for part in placed) else None
     smooth = np.repeat([0 if part.normals is None else number for number, part in enumerate(placed, 1)], counts)
-    materials, objects = (
-        [(getattr(part, what), len(part.triangles)) for part in placed] for what in ("material", "name")
-    )
-    materials = materials if any(name for name, _ in materials) else None
+    materials = [(part.material, len(part.triangles)) for part in placed]
+    objects = [(part.name, len(part.triangles)) for part in placed]
+    named = any(name for name, _ in materials)
     shading = joined("uvs", 2), joined("normals", 3), tangents, smooth
-    found = Polygons(vertices, corners, sizes, *shading, materials, objects)
+    found = Polygons(vertices, corners, sizes, *shading, materials if named else None, objects)
     if found.tangents is not None and found.uvs is not None and _are_mirrored(found.tangents, found.uvs):
         log.warning(
             f"mesh file {path}: the handedness of most of its tangents contradicts its UVs; the texture fits these "

@@ -15,6 +15,7 @@ import numpy as np
 from mpsnet_core.arrays.resampling import grid_step
 from mpsnet_core.arrays.row_bands import FEW_ROWS, bands, on_all_cores
 from mpsnet_core.arrays.types import F32, F64, Bools, Floats
+from mpsnet_core.defaults import Convention
 from mpsnet_core.errors import Choices
 from mpsnet_core.io.files import stored_levels
 from mpsnet_core.io.image_reading import read_data
@@ -24,7 +25,6 @@ from mpsnet_core.io.opening import AnyPath
 
 log = logging.getLogger(__name__)
 
-Convention = Literal["opengl", "directx"]
 # The sign of y in the green channel.
 _GREEN = Choices("convention", {"opengl": 1, "directx": -1})
 SAMPLED = 1 << 18  # pixels of a large map that are examined

@@ -8,13 +8,13 @@ import numpy as np
 from mpsnet_core.arrays.row_bands import bands
 from mpsnet_core.arrays.types import F32, Bools
 from mpsnet_core.arrays.unit_vectors import angular_error
+from mpsnet_core.defaults import Convention
 from mpsnet_core.errors import FormatError, GeometryError, SettingsError
 from mpsnet_core.io.from_files import takes_files
 from mpsnet_core.io.image_reading import image_layers, read_data
 from mpsnet_core.io.opening import AnyPath
 from mpsnet_core.io.shown import Shown
 from mpsnet_core.scene.camera import read_camera
-from mpsnet_core.scene.normal_encoding import Convention
 from mpsnet_core.scene.normal_map import NormalMap, read_normals
 
 

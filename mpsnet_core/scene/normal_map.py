@@ -1,5 +1,6 @@
 """Normal maps with a unit vector for every pixel, and their encodings in files."""
 
+import re
 from dataclasses import InitVar, dataclass, field
 from typing import ClassVar
 
@@ -9,17 +10,20 @@ from mpsnet_core.arrays.resampling import grid_step
 from mpsnet_core.arrays.row_bands import FEW_ROWS, bands, on_all_cores
 from mpsnet_core.arrays.types import F32, Bools
 from mpsnet_core.arrays.unit_vectors import normalised
+from mpsnet_core.defaults import Convention
 from mpsnet_core.errors import FormatError, GeometryError
 from mpsnet_core.io.from_files import takes_files
-from mpsnet_core.io.image_reading import read_channel
+from mpsnet_core.io.image_reading import image_description, read_channel
+from mpsnet_core.io.marks import made
 from mpsnet_core.io.opening import AnyPath
 from mpsnet_core.io.shown import Shown
-from mpsnet_core.scene.normal_encoding import SAMPLED, Convention, encode, read_vectors, write_vectors
+from mpsnet_core.scene.normal_encoding import SAMPLED, encode, read_vectors, write_vectors
 
 # The fraction of a map's normals that must face the camera (camera space) or outwards (tangent and object space).
 OUTWARDS_SHARE = 0.9
 # Vectors within this distance of the median of those that are not of unit length are background.
 BACKGROUND = 0.1
+_EXPECTED = "expected error {:.2f} degrees"
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -82,10 +86,23 @@ class NormalMap(Shown):
         trust = self.confidence.sum(dtype=np.float64) / self.mask.sum()
         return f"{self.mask.sum():,} normals, mean confidence {trust:.2f}"
 
+    @property
+    def expected_error(self) -> float:
+        """Root mean square of the expected error in degrees; 0 where the confidence is 1."""
+        # Outside the mask the confidence is 0.
+        doubts = (1 - self.confidence[rows] for rows in bands(len(self.mask)))
+        squared = sum(float(np.square(doubt, dtype=np.float32).sum()) for doubt in doubts)
+        return 90 * float(np.sqrt(max(squared - np.count_nonzero(~self.mask), 0) / np.count_nonzero(self.mask)))
+
     def picture(self, step: int = 1) -> F32:
         from mpsnet_core.scene.pictures import on_background
 
         return on_background(encode(self.vectors[::step, ::step]), self.mask[::step, ::step])
+
+
+def stating_the_error(normals: NormalMap) -> str:
+    """The description of normals whose confidence is that of a network: what error is expected of them."""
+    return f"{made('normal map')}, {_EXPECTED.format(normals.expected_error)}"
 
 
 @takes_files
@@ -134,7 +151,8 @@ def read_normals(path: AnyPath, *, convention: Convention = "opengl", confidence
     convention : {"opengl", "directx"}, optional
         Whether green is y or -y.
     confidence : path-like, optional
-        A separate file with a map of the same size, 0 to 1; 1 everywhere by default.
+        A separate file with a map of the same size, 0 to 1. By default the expected error that the file's description
+        states, as an even confidence, or 1.
 
     Raises
     ------
@@ -162,7 +180,11 @@ def read_normals(path: AnyPath, *, convention: Convention = "opengl", confidence
         raise FormatError(f"{path} holds no normals: its mask is empty; estimate them again")
     if not (unit[mask].mean() >= 0.5 if has_mask else _are_unit(vectors, unit)):
         raise FormatError(f"{path} is not a normal map: its colours are not unit vectors 0.5 + 0.5 n; choose another")
-    trust = np.ones(mask.shape, np.float32) if confidence is None else read_channel(confidence)
+    if confidence is None:
+        stated = re.search(_EXPECTED.format(0.0).replace("0.00", r"(\d{1,2}\.\d\d)"), image_description(path))
+        trust = np.full(mask.shape, 1 - float(stated[1]) / 90 if stated else 1, np.float32)
+    else:
+        trust = read_channel(confidence)
     return NormalMap(vectors, mask, trust, in_place=True)
 
 

@@ -116,12 +116,8 @@ class WriteCameras(ReadsPictures):
             corrected_photos += 1
         progress(1.0, "done")
         lenses = f", {corrected_photos} photo(s) undistorted" if corrected_photos else ", without distortion"
-        return CamerasWritten(
-            str(folder),
-            [f"{view.name}{CAMERA_SUFFIX}" for view in views],
-            corrected_photos,
-            text=f"{folder}: {len(views)} camera(s){lenses}",
-        )
+        names, text = [f"{view.name}{CAMERA_SUFFIX}" for view in views], f"{folder}: {len(views)} camera(s){lenses}"
+        return CamerasWritten(str(folder), names, corrected_photos, text=text)
 
     def _undistort(self, view: "ViewPhoto", camera: Path, photo: Path) -> None:
         """Write the camera and the undistorted photo, both or neither."""
@@ -196,9 +192,8 @@ class CompareNormals(Operation):
         estimate = read_normals(self.normals, convention=self.convention)
         mask, inside = estimate.mask, estimate.vectors[estimate.mask]
         del estimate  # two large photos' normals take much memory
-        errors = errors_inside(
-            mask, inside, read_true_normals(self.truth, self.camera, convention=self.truth_convention)
-        )
+        truth = read_true_normals(self.truth, self.camera, convention=self.truth_convention)
+        errors = errors_inside(mask, inside, truth)
         if self.output:
             progress(0.6, f"writing {Path(self.output).name}")
             write_picture_bands(self.output, *scaled_error_bands(errors.degrees, errors.mask))

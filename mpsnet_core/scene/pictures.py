@@ -111,11 +111,8 @@ def contact_sheet(tiles: Sequence[tuple[str, F32]], columns: int, tile_height: i
     shown = [(title, scaled(picture, tile_height / picture.shape[0])) for title, picture in tiles]
     rows = [shown[start : start + columns] for start in range(0, len(shown), columns)]
     widths = [max(row[c][1].shape[1] for row in rows if c < len(row)) for c in range(min(columns, len(shown)))]
-    canvas = np.full(
-        (len(rows) * (tile_height + TITLE_HEIGHT + GAP) + GAP, sum(widths) + GAP * (len(widths) + 1), 3),
-        BACKGROUND,
-        np.float32,
-    )
+    height = len(rows) * (tile_height + TITLE_HEIGHT + GAP) + GAP
+    canvas = np.full((height, sum(widths) + GAP * (len(widths) + 1), 3), BACKGROUND, np.float32)
     for r, row in enumerate(rows):
         top = GAP + r * (tile_height + TITLE_HEIGHT + GAP)
         left = GAP

@@ -255,9 +255,7 @@ def depth_of_mesh(camera: Camera, scene: RayScene) -> F32:
     depth = scene.depths(camera, x, y)
     depth += np.float32(scene.depth_of_middle(camera))
     if not np.isfinite(depth).any():
-        raise GeometryError(
-            "the camera does not see the mesh; check that both share a world, and that it faces the mesh"
-        )
+        raise GeometryError("the camera does not see the mesh; check that both share a world and it faces the mesh")
     return depth
 
 

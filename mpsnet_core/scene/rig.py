@@ -471,15 +471,12 @@ def read_world_lights(path: AnyPath) -> WorldLights:
     Raises FileError if the file is missing, FormatError if it is malformed or has other lights.
     """
     if Path(path).suffix.lower() == ".lp":
-        raise FormatError(
-            f"{path}: an .lp file's lights are relative to the camera; for lights in the world give a .json"
-        )
+        raise FormatError(f"{path}: an .lp file's lights are relative to the camera; lights in the world need a .json")
     with rig_data(path) as (data, is_near):
         key, mixing = "position" if is_near else "direction", data.get("mixing", np.eye(3))
         exact = data.get("exact", False)
-        lights = np.array(
-            [_in_world_axes(light, key, name) for light, name in zip(data["lights"], LIGHT_NAMES, strict=True)]
-        )
+        named = zip(data["lights"], LIGHT_NAMES, strict=True)
+        lights = np.array([_in_world_axes(light, key, name) for light, name in named])
         if not is_near:
             return WorldLights(lights, mixing, is_ground_truth=exact)
         near = NearLights(lights, data["target"], data.get("lobe", 0.0))

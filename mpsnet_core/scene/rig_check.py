@@ -14,6 +14,7 @@ import numpy as np
 from mpsnet_core.arrays import orientation
 from mpsnet_core.arrays.types import F64, Bools, Floats
 from mpsnet_core.arrays.unit_vectors import dot, normalised
+from mpsnet_core.errors import Note
 from mpsnet_core.io.image import CHANNELS
 from mpsnet_core.scene.rig import LightRig
 
@@ -144,11 +145,12 @@ def warn_of_wrong_rig(pixels: Floats, mask: Bools, rig: LightRig, which: str) ->
         log.warning("%s%s", which, misfit_words(better))
 
 
-def misfit_words(better: str) -> str:
+def misfit_words(better: str) -> Note:
     """A sentence on a rig that does not fit. better: as in :class:`RigFit`."""
-    return (
-        f"the rig does not fit the photo: by its shading, {better}; correct the rig file, or use the photo as the "
-        "camera took it [wrong-rig]"
+    return Note(
+        "the rig does not fit the photo: by its shading, %s; correct the rig file, or use the photo as the camera took "
+        "it [wrong-rig]",
+        better,
     )
 
 

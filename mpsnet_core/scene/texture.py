@@ -8,12 +8,12 @@ from numpy.typing import NDArray
 
 from mpsnet_core.arrays.rasterize import TextureSize, width_and_height
 from mpsnet_core.arrays.types import F32, Bools
-from mpsnet_core.defaults import MAX_TEXTURE_SIZE
+from mpsnet_core.defaults import MAX_TEXTURE_SIZE, Convention
 from mpsnet_core.errors import SettingsError, check_choice
 from mpsnet_core.io.from_files import takes_files
 from mpsnet_core.io.opening import AnyPath
 from mpsnet_core.io.shown import Shown
-from mpsnet_core.scene.normal_encoding import Convention, encode, write_vectors
+from mpsnet_core.scene.normal_encoding import encode, write_vectors
 
 Space = Literal["tangent", "object"]
 SPACES: tuple[Space, ...] = ("tangent", "object")

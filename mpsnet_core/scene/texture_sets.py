@@ -251,7 +251,7 @@ def _log_uvs_outside_tiles(meshes: Sequence[Mesh], where: str, width: int, heigh
     if count:
         total = sum(len(mesh.triangles) for mesh in meshes)
         tiles = "" if width * height > 1 else "; bake UDIM tiles (<UDIM> in the file's name) to have them too"
-        log.info("%d of %d triangles have UVs outside %s, where no texture is%s", count, total, where, tiles)
+        log.warning("%d of %d triangles have UVs outside %s, where no texture is%s", count, total, where, tiles)
 
 
 def _log_islands_across_tiles(meshes: Sequence[Mesh]) -> None:

@@ -54,7 +54,7 @@ def core_in_this_process(registered: None) -> Iterator[None]:
             result = from_json(json.loads(json.dumps(to_json(work))), OPERATIONS).run(on_progress)
         finally:
             log.removeHandler(notes)
-        return json.loads(json.dumps({**result.facts(), "notes": notes.lines}))
+        return json.loads(json.dumps(notes.added_to(result.facts())))
 
     logging.getLogger("mpsnet_core").setLevel(logging.INFO)
     with pytest.MonkeyPatch.context() as patched:

@@ -9,6 +9,7 @@ import pytest
 from synthetic import degrees_between
 
 from blender_addon.panels.bake import MPS_PT_bake
+from blender_addon.settings.record import notes_of
 from mpsnet_core import read_image
 
 from .rendering import array_of, save_png, shader_of
@@ -284,7 +285,7 @@ def test_each_object_keeps_its_own_map_beneath_and_runs_do_not_add_up(estimated,
             bpy.ops.mps.bake(size=16, objects="SELECTED", split=split, output=f"{tmp_path}/", **NOTHING_OF_THE_PHOTO)
             found = [leans(tmp_path / f"{name}_normal.png") for name in names]
             assert found == [(0.3, 0.1), (-0.2, 0.4)]
-            (note,) = scene.mps.records["bake"].notes.splitlines()
+            (note,) = notes_of(scene, "bake")
             assert note.endswith("of the surface seen")  # nothing else is to be said
     with pytest.raises(RuntimeError, match="what shares one texture has different normal maps"):
         bpy.ops.mps.bake(split="ONE", objects="SELECTED")
@@ -310,7 +311,7 @@ def test_what_wears_no_map_is_baked_as_it_is_and_reported(estimated, second, sce
     dress(second, leaning(tmp_path / "b.png", -0.2, 0.4))
     bpy.ops.mps.bake(size=16, objects="SELECTED", split="OBJECT", output=f"{tmp_path}/", **NOTHING_OF_THE_PHOTO)
     assert leans(tmp_path / "Sphere_normal.png") == (0, 0) and leans(tmp_path / "Second_normal.png") == (-0.2, 0.4)
-    told = scene.mps.records["bake"].notes
+    told = "".join(notes_of(scene, "bake"))
     assert told.count("nothing lies beneath its texture") == told.count("object Sphere: there is no existing map") == 1
 
 

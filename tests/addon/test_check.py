@@ -13,13 +13,13 @@ from mpsnet_core.io.image_writing import write_image
 def test_a_rendered_photo_is_checked_with_its_own_rig(photographed, scene, capfd):
     bpy.ops.mps.check_photo()
     notes = notes_of(scene, "check_photo")
-    items = [note.split(",")[0] for note in notes[:7]]
+    items = [note.split(":")[0] for note in notes[:7]]
     assert items == ["exposure", "clipping", "channels", "lights", "rig", "reach", "focus"]
-    assert all(", good: " in note for note in notes[:7])
+    assert {note.level for note in notes[:7]} == {"good"}
     assert "The photo is good" in capfd.readouterr().out
     assert main(["check-photo"]) == 0
     told = capfd.readouterr().out
-    assert "exposure, good: " in told and told.endswith("mpsnet: check-photo done\n")
+    assert "exposure: " in told and told.endswith("mpsnet: check-photo done\n")
 
 
 def test_what_is_wrong_with_a_photo_is_named(photographed, scene, tmp_path, capfd):
@@ -29,7 +29,8 @@ def test_what_is_wrong_with_a_photo_is_named(photographed, scene, tmp_path, capf
     write_image(tmp_path / "shot.png", bright.clip(0, 1))
     bpy.ops.mps.open_photo(filepath=str(tmp_path / "shot.png"))
     bpy.ops.mps.check_photo()
-    (said,) = [note for note in notes_of(scene, "check_photo") if note.startswith("clipping, bad: ")]
+    (said,) = [note for note in notes_of(scene, "check_photo") if note.startswith("clipping: ")]
+    assert said.level == "stop" and said.code == "clipped-photo"
     assert "use a shorter exposure" in said
     assert "The photo should be taken again" in capfd.readouterr().out
 

@@ -15,6 +15,7 @@ import pytest
 from mathutils import Vector
 from mathutils.bvhtree import BVHTree
 
+from blender_addon.settings.record import notes_of
 from mpsnet_core import read_image
 
 from .rendering import array_of, shader_of
@@ -136,7 +137,7 @@ class Judge:
 
 
 def notes() -> str:
-    return bpy.context.scene.mps.records["bake"].notes
+    return "".join(notes_of(bpy.context.scene, "bake"))
 
 
 def test_each_texture_is_right_in_gltf_or_left_out_and_said_so(seen, tmp_path):

@@ -18,6 +18,7 @@ from blender_addon.panels.step import Kind
 from blender_addon.panels.text import lines, shortened
 from blender_addon.photo.background_render import rendering_blender, written_job
 from blender_addon.provenance import made_when
+from blender_addon.settings.scene import STEPS
 from blender_addon.training.samples.worker import _Worker
 from blender_addon.training.training_data import SCENE_FILE
 from mpsnet_core.synthesis.job import SampleJob
@@ -122,6 +123,8 @@ def preset(scene, step, name, value):
         if part not in held:
             held[part] = {}
         held = held[part]
+        if part == "mps" and step in STEPS:
+            held = held["rigs"][0]
     held[name] = value
 
 

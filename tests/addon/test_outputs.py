@@ -12,6 +12,7 @@ from blender_addon.outputs import output_path
 from blender_addon.panels.estimate import MPS_PT_estimate
 from blender_addon.panels.step import Kind
 from blender_addon.settings.record import notes_of
+from blender_addon.settings.scene import STEPS
 from mpsnet_core.errors import InputError
 from mpsnet_core.io.image_reading import read_data
 from mpsnet_core.io.image_writing import write_image
@@ -114,7 +115,7 @@ def test_an_ending_that_is_not_of_the_chosen_format_wins_and_is_reported(photogr
     bpy.ops.mps.estimate(file_format="TIFF", output=str(tmp_path / "n.exr"))
     bpy.ops.mps.bake(preset="UNREAL", size=32, output=str(tmp_path / "t.exr"))
     bpy.ops.mps.integrate(file_format="PNG", mesh=False, output=str(tmp_path / "h.tif"))
-    told = {verb: scene.mps.records[verb].notes for verb in ("estimate", "bake", "integrate")}
+    told = {verb: notes_of(scene, verb) for verb in ("estimate", "bake", "integrate")}
     assert "n.exr is written as its ending says, not as TIFF" in told["estimate"]
     assert "t.exr is written as its ending says, not as PNG" in told["bake"]
     assert "h.tif is written as its ending says, not as PNG" in told["integrate"]
@@ -190,7 +191,7 @@ def test_a_rendered_photo_has_its_own_rig_and_an_opened_one_that_of_the_rig_file
     assert "measured.json" not in "".join(notes_of(scene, "estimate"))
     # What is left in the panel from then is of other photos.
     assert normals() == own
-    assert "measured.json not used" in scene.mps.records["estimate"].notes
+    assert any(note.startswith("measured.json not used") for note in notes_of(scene, "estimate"))
     assert MPS_PT_estimate.state(bpy.context).kind is Kind.DONE
     (tmp_path / "measured.json").unlink()
     assert MPS_PT_estimate.state(bpy.context).kind is Kind.DONE
@@ -208,8 +209,9 @@ def test_a_damaged_rig_file_beside_a_photo_is_one_sentence(photographed, tmp_pat
 def test_paths_beside_the_blend_file_are_understood(photographed, scene, tmp_path):
     """Blender's file browser gives them, and paints those red that a setting does not say to understand."""
     steps = [step for step in scene.mps.bl_rna.properties if step.type == "POINTER" and step.identifier != "rna_type"]
-    settings = [setting for step in steps for setting in step.fixed_type.properties]
-    paths = [setting for setting in settings if setting.subtype in {"FILE_PATH", "DIR_PATH"}]
+    groups = [*(step.fixed_type for step in steps), *(getattr(scene.mps, step).bl_rna for step in STEPS)]
+    settings = [setting for group in groups for setting in group.properties]
+    paths = [setting for setting in settings if setting.subtype in {"FILE_PATH", "FILE_NAME", "DIR_PATH"}]
     assert len(paths) > 10
     assert [path.identifier for path in paths if not path.is_path_supports_blend_relative] == []
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "scene.blend"))

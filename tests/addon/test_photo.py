@@ -346,8 +346,22 @@ def test_files_that_are_gone_are_reported_with_the_photo(sphere, scene, tmp_path
             sphere.active_material.node_tree.nodes.new("ShaderNodeTexImage").image = image
         (tmp_path / name).unlink()
     bpy.ops.mps.render_photo(width=16, height=16, samples=1, output=str(tmp_path / "photo.exr"))
-    told = scene.mps.records["render_photo"].notes
+    (told,) = notes_of(scene, "render_photo")
     assert told == "not found, and what they bring may be missing from the render: gone.png"
     write_image(tmp_path / "gone.png", np.zeros((4, 4, 3), np.float32))
     bpy.ops.mps.render_photo(output=str(tmp_path / "photo.exr"))
-    assert not scene.mps.records["render_photo"].notes
+    assert not notes_of(scene, "render_photo")
+
+
+def test_the_white_photo_is_what_the_photo_would_be_under_white_lights(sphere, scene, tmp_path):
+    """By a matt grey sphere, on which the light of each of the photo's channels is what a white lamp gives to all."""
+    bpy.ops.mps.add_rig()
+    names = {kind: set(getattr(bpy.data, kind).keys()) for kind in ("objects", "lights")}
+    bpy.ops.mps.render_photo(width=48, height=48, samples=64, white=True, output=str(tmp_path / "photo.exr"))
+    assert {kind: set(getattr(bpy.data, kind).keys()) for kind in names} == names
+    assert scene.mps.estimate.white == str(tmp_path / "photo_white.exr") and scene.mps.estimate.albedo
+    photo, white = (pixels(tmp_path / name) for name in ("photo.exr", "photo_white.exr"))
+    inside = white[..., 3] > 0.99
+    np.testing.assert_allclose(white[inside][:, :3].mean(axis=0), photo[inside][:, :3].sum(axis=1).mean(), rtol=0.02)
+    bpy.ops.mps.render_photo(white=False, output=str(tmp_path / "photo.exr"))
+    assert not scene.mps.estimate.white

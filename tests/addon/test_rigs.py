@@ -14,6 +14,7 @@ from blender_addon.panels.step import Kind
 from blender_addon.rig.light_rig import light_rig
 from blender_addon.rig.several_rigs import all_rigs
 from blender_addon.settings.record import error_of, notes_of
+from blender_addon.settings.scene import STEPS
 from mpsnet_core.io.image_reading import read_image
 
 
@@ -62,6 +63,39 @@ def test_each_rig_keeps_what_is_its_own(estimated, scene, two_rigs, tmp_path):
     np.testing.assert_allclose(light_rig(scene).slants, 40, atol=1e-3)
 
 
+def test_a_file_of_an_earlier_version_keeps_each_rig_s_own(two_rigs, scene, tmp_path):
+    """Up to 0.2.0, the chosen rig's settings and results stood beside the list, whose entry was then out of date."""
+    second = standing(scene)
+    error = {"name": "estimate", "error": "of the second"}
+    stored = scene.bl_system_properties_get() if bpy.app.version >= (5, 0) else scene
+    mps = stored["mps"]
+    rigs = [one.to_dict() for one in mps["rigs"]]
+    mps.update({step: rigs[1].pop(step) for step in STEPS})
+    rigs[1]["rig"] = {"slant": 77.0}
+    mps["rigs"], mps["records"] = rigs, [error, {"name": "bake", "error": "of the scene"}]
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "old.blend"))
+    bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "old.blend"))
+    scene = bpy.context.scene
+    assert standing(scene)[:3] == second[:3] and scene.mps.rig.camera.type == "CAMERA"
+    np.testing.assert_allclose(light_rig(scene).slants, 40, atol=1e-3)
+    assert (error_of(scene, "estimate"), error_of(scene, "bake")) == ("of the second", "of the scene")
+    bpy.ops.mps.choose_rig(index=0)
+    assert standing(scene)[:3] == (30, 96, "LAMBERTIAN") and error_of(scene, "bake") == "of the scene"
+    np.testing.assert_allclose(light_rig(scene).slants, 30, atol=1e-3)
+
+
+def test_a_file_with_one_rig_of_an_earlier_version(estimated, scene, tmp_path):
+    first = standing(scene)
+    stored = scene.bl_system_properties_get() if bpy.app.version >= (5, 0) else scene
+    (only,) = (one.to_dict() for one in stored["mps"]["rigs"])
+    stored["mps"].update({step: only[step] for step in STEPS})
+    stored["mps"].pop("rigs")
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "old.blend"))
+    bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "old.blend"))
+    assert standing(bpy.context.scene)[:3] == first[:3] and len(bpy.context.scene.mps.rigs) == 1
+    assert MPS_PT_photo.state(bpy.context).kind is Kind.DONE
+
+
 def test_a_new_rig_has_the_settings_and_nothing_else(estimated, scene):
     scene.mps.rig.strength = 3
     scene.mps.estimate.output = scene.mps.estimate.rig_file = "//mine.png"
@@ -83,18 +117,18 @@ def test_results_of_several_rigs_do_not_write_over_each_other(two_rigs, scene, t
 def test_an_error_stays_with_its_rig(estimated, scene):
     with pytest.raises(RuntimeError):
         bpy.ops.mps.estimate(model="FILE", model_file="nowhere.onnx")
-    assert "estimate" in scene.mps.records
+    assert error_of(scene, "estimate")
     bpy.ops.mps.new_rig()
-    assert "estimate" not in scene.mps.records
+    assert not error_of(scene, "estimate")
     bpy.ops.mps.choose_rig(index=0)
-    assert "nowhere.onnx" in scene.mps.records["estimate"].error
+    assert "nowhere.onnx" in error_of(scene, "estimate")
 
 
 def test_dropping_takes_one_rig_away_and_keeps_the_other(two_rigs, estimated, scene):
     bpy.ops.mps.choose_rig(index=0)
     kept = {light.object for light in scene.mps.rigs[1].rig.lights}
     bpy.ops.mps.drop_rig()
-    assert not scene.mps.rigs
+    assert len(scene.mps.rigs) == 1
     assert {light.object for light in scene.mps.rig.lights} == kept
     assert {obj.type for obj in bpy.data.objects} == {"MESH", "LIGHT", "CAMERA", "EMPTY"}
     assert len(bpy.data.lights) == 3

@@ -9,10 +9,13 @@ import bpy
 import numpy as np
 import pytest
 
+from blender_addon.bake.before_after import textures_of
 from blender_addon.images import pixels_of
 from mpsnet_core.arrays.unit_vectors import angular_error
 from mpsnet_core.io.image import linear_to_srgb
 from mpsnet_core.io.image_reading import read_data
+
+from .rendering import shader_of
 
 
 @pytest.fixture(scope="module")
@@ -45,6 +48,8 @@ def test_the_demo_needs_no_file_and_leaves_the_other_scene_alone(demo):
     assert low.name == "Demo Low Poly" and low.visible_get() and not low.hide_render
     assert not bpy.data.objects["Demo Detailed"].visible_get()
     assert np.ptp(pixels_of(images[2])[..., :2]) > 0.5  # relief, not a flat blue
+    colours = pixels_of(textures_of(low)["albedo"])[..., :3]
+    assert min(np.ptp(colours[..., 0] - colours[..., 2]), np.ptp(colours)) > 0.3  # gold and blue
 
 
 @pytest.mark.accuracy
@@ -195,3 +200,31 @@ def test_one_comes_back_from_the_demo(scene, monkeypatch):
     bpy.context.window.scene = demo
     bpy.ops.mps.back_to_scene()
     assert bpy.context.window.scene == mine
+
+
+def test_relight_shows_the_relief_in_grey_and_leaves_the_materials_alone(estimated, scene, tmp_path):
+    """The colour and the gloss are gone, the normal map is not. An albedo that was baked stays."""
+    bpy.ops.mps.bake(size=64, output=str(tmp_path / "texture.png"))
+    material = estimated.material_slots[0].material
+    shader = shader_of(material.node_tree)
+    shader.inputs["Base Color"].default_value = (0.4, 0.02, 0.02, 1)
+    shader.inputs["Metallic"].default_value = 1
+    before = set(bpy.data.objects), set(bpy.data.materials)
+    estimated.select_set(True)
+    bpy.ops.mps.relight()
+    (overlay,) = (obj for obj in set(bpy.data.objects) - before[0] if obj.type == "MESH")
+    shown, own = overlay.material_slots[0].material, estimated.material_slots[0].material
+    assert own == material and tuple(shader.inputs["Base Color"].default_value[:2]) == pytest.approx((0.4, 0.02))
+    grey = shader_of(shown.node_tree).inputs
+    assert len(set(grey["Base Color"].default_value[:3])) == 1 and grey["Metallic"].default_value == 0
+    (link,) = grey["Normal"].links
+    assert link.from_node.inputs["Color"].links[0].from_node.image == scene.mps.bake.image
+    bpy.ops.mps.relight()
+    assert (set(bpy.data.objects), set(bpy.data.materials)) == before
+
+    material.node_tree.nodes.new("ShaderNodeTexImage").name = "MPS Albedo"  # known colours are shown
+    for neutral in (True, False):
+        scene.mps.relight.neutral = neutral
+        bpy.ops.mps.relight()
+        assert not scene.mps.relight.overlays
+        bpy.ops.mps.relight()

@@ -58,6 +58,11 @@ def test_words_that_blender_has_in_another_sense_are_the_extension_s(blender, tm
         "calibrate.ball": ["Spiegelkugel"],
         "bake.space": ["Raum", "Tangente", "Objekt"],
         "views.write_report": ["Bericht"],
+        "notes": [
+            "32% der Oberfläche gesehen",
+            "der Kanal Rot ist schwarz: war sein Licht an? [black-channel]",
+            "as 3 it stands",
+        ],
     }
 
 

@@ -160,8 +160,7 @@ def test_a_photo_is_rendered_beside_a_live_window(window, album, tmp_path):
 
 PAIRS = """
 import json
-mps = bpy.context.scene.mps
-rigs = [mps if number == mps.chosen_rig else one for number, one in enumerate(mps.rigs)]
+rigs = bpy.context.scene.mps.rigs
 with open({path!r}, "w") as file:
     json.dump([(one.estimate.image.mps.photo.name, one.photo.image.name) for one in rigs], file)
 """
@@ -175,7 +174,7 @@ def test_all_rigs_take_their_photos_in_one_job(window, album, tmp_path):
 
     window.ask("invoke", "add_rig_ring", {"count": 3})
     photo = "one.photo.width, one.photo.height, one.photo.samples = 64, 48, {}"
-    sizes = f"for one in (bpy.context.scene.mps, *bpy.context.scene.mps.rigs): {photo}"
+    sizes = f"for one in bpy.context.scene.mps.rigs: {photo}"
     window.ask("run", f"{sizes.format(1)}\nbpy.ops.ed.undo_push(message='rigs')")
     window.ask("alone", "MPS_PT_photo")
     x, y = window.find("mps.render_photo", at=0.75)
@@ -380,3 +379,31 @@ def test_operators_are_found_by_search(window):
     window.ask("run", "bpy.context.scene.mps.estimate.image = bpy.data.images.new('No File', 4, 4)")
     search("bake texture")
     window.wait(lambda state: "has no file on disk" in state["errors"].get("bake", ""), "error of the bake")
+
+
+EDITORS_SHOW = """
+import json
+image = bpy.context.scene.mps.photo.image
+areas = bpy.context.window_manager.windows[0].screen.areas
+shown = [area.spaces.active.image.name for area in areas if area.type == "IMAGE_EDITOR" and area.spaces.active.image]
+with open({path!r}, "w") as file:
+    json.dump([image.session_uid, image.mps.shown, list(image.preview_ensure().image_size), shown], file)
+"""
+
+
+def test_a_result_shows_itself_finely_and_opens_in_an_image_editor(window, tmp_path):
+    def stands():
+        window.ask("run", EDITORS_SHOW.format(path=str(tmp_path / "shown.json")))
+        return json.loads((tmp_path / "shown.json").read_text())
+
+    write_image(tmp_path / "shot.exr", np.full((300, 400, 3), 0.3))
+    window.ask("photo", str(tmp_path / "shot.exr"))
+    uid, unfolded, size, shown = stands()
+    assert (unfolded, size, shown) == (True, [512, 512], [])
+    window.ask("run", "bpy.context.scene.mps.photo.image.mps.shown = False")
+    window.ask("photo", str(tmp_path / "shot.exr"))
+    assert stands()[1]
+    window.ask("invoke", "show_image", {"image": uid})
+    assert stands()[3] == ["shot"]
+    window.ask("invoke", "show_image", {"image": uid})  # in the editor that is open now
+    assert stands()[3] == ["shot"]

@@ -18,7 +18,7 @@ statue.name, statue.rotation_euler = "statue", (0.2, -0.15, 0.5)
 statue.modifiers.new("Smooth", "SUBSURF").levels = 2
 bpy.ops.object.shade_smooth()
 bpy.ops.mps.add_rig(projection="PERSPECTIVE", focal_length=60)
-bpy.ops.mps.render_photo(width=320, height=320, samples=8, output={photo!r})
+bpy.ops.mps.render_photo(width=320, height=320, samples=8, white=True, output={photo!r})
 statue.rotation_euler = (0, 0, 0)
 bpy.ops.wm.obj_export(filepath={mesh!r}, export_selected_objects=True, apply_modifiers=True, export_uv=False,
                       export_materials=False)
@@ -28,6 +28,25 @@ bpy.data.batch_remove([*bpy.data.objects, bpy.data.images["MPS Photo"]])
 IMPORT = """
 with bpy.context.temp_override(window=bpy.context.window_manager.windows[0]):
     bpy.ops.wm.obj_import(filepath={mesh!r})
+"""
+# Drops files onto the viewport: what Blender does then, and what it does once the menu's entry is chosen.
+DROP = """
+window = bpy.context.window_manager.windows[0]
+area = next(area for area in window.screen.areas if area.type == "VIEW_3D")
+region = next(region for region in area.regions if region.type == "WINDOW")
+with bpy.context.temp_override(window=window, area=area, region=region):
+    bpy.ops.{operator}("INVOKE_DEFAULT", directory={folder!r}, files=[{{"name": name}} for name in {names!r}])
+"""
+DECOY = """
+with bpy.context.temp_override(window=bpy.context.window_manager.windows[0]):
+    bpy.ops.mesh.primitive_cube_add(location=(0, 90, 0))
+    bpy.context.object.name = "decoy"
+view = next(area for area in bpy.data.screens["Layout"].areas if area.type == "VIEW_3D").spaces.active.region_3d
+view.view_location, view.view_distance = (0, 0, 0), 6
+"""
+TARGET = """
+mps = bpy.context.scene.mps
+open({told!r}, "w").write(f"{{mps.bake.target.name}} {{mps.photo.image.filepath}} {{mps.estimate.white}}")
 """
 IN_GERMAN = """
 view = bpy.context.preferences.view
@@ -40,8 +59,31 @@ def imported(window: Window, folder) -> None:
     mesh, photo = folder / "statue.obj", folder / "rendered.exr"
     window.ask("run", STATUE.format(mesh=str(mesh), photo=str(photo)))
     shutil.copy(photo, folder / "photo.exr")  # without the files beside it that tell of the rig and the camera
+    shutil.copy(folder / "rendered_white.exr", folder / "white.exr")
     window.ask("run", IMPORT.format(mesh=str(mesh)))
     window.wait(lambda state: state["objects"] == ["statue"], "imported mesh")
+
+
+def test_a_photo_and_its_white_photo_dropped_on_a_mesh_are_scanned_onto_it(window, album, tmp_path):
+    imported(window, tmp_path)
+    window.ask("run", DECOY)
+    left, top, width, height = window.state["sidebar"]
+    x, y = (left + width) // 2, top + height // 2
+    window.input("mousemove", x - 5, y, "sleep", "1", "mousemove", x, y, "sleep", "1")
+    drop = {"folder": str(tmp_path), "names": ["photo.exr", "white.exr"]}
+    before = window.screenshot()
+    window.ask("run", DROP.format(operator="wm.drop_import_file", **drop))
+    window.see(lambda: (abs(window.screenshot() - before) > 0.1).sum(), lambda changed: changed > 3000, "menu")
+    window.photograph(album / "drop_menu.png")  # Blender's own image drop is still there
+    window.input("key", "Escape", "sleep", "1")
+    window.input("mousemove", x - 5, y, "sleep", "1", "mousemove", x, y, "sleep", "1")
+    window.ask("run", DROP.format(operator="mps.scan", **drop))
+    window.wait(lambda state: state["running"] == "MPS_OT_align_photo", "search of the camera")
+    window.ask("run", TARGET.format(told=str(tmp_path / "told")))
+    target, photo, white = (tmp_path / "told").read_text(encoding="utf-8").split()
+    assert target == "statue" and photo.endswith("photo.exr") and white.endswith("white.exr")
+    window.input("key", "Escape")
+    window.wait(lambda state: not state["running"], "end")
 
 
 def test_a_mesh_and_a_photo_become_a_lit_object_in_three_clicks(window, album, tmp_path):

@@ -186,7 +186,8 @@ def test_the_more_confident_view_counts_more() -> None:
         views = [constant_view(cameras[0], normals[0], first), constant_view(cameras[1], normals[1], second)]
         texture = bake_normals(plane(), views, size=16, space="object")
         expected = first * np.array(normals[0]) + second * np.array(normals[1])
-        assert degrees_between(texture.vectors, expected).max() < 0.01
+        # Views that expect an error leave the mesh a little weight.
+        assert degrees_between(texture.vectors, expected).max() < (0.01 if first == second == 1 else 0.1)
 
 
 def test_the_view_from_ahead_counts_more_than_the_glancing_one() -> None:
@@ -195,6 +196,19 @@ def test_the_view_from_ahead_counts_more_than_the_glancing_one() -> None:
     texture = bake_normals(plane(), [glancing, ahead], size=16, space="object")
     to_ahead = degrees_between(texture.vectors, [0.6, 0, 0.8])
     assert (to_ahead < 0.2 * degrees_between(texture.vectors, [0, 0.6, 0.8])).all()
+
+
+@pytest.mark.parametrize(("confidence", "kept"), [(1.0, True), (0.9, False)], ids=["exact", "doubtful"])
+def test_at_a_grazing_angle_the_mesh_is_believed_more_than_a_doubtful_view(confidence: float, kept: bool) -> None:
+    """Ahead, both views are believed."""
+    for place, ahead in (((0, 0, 1.0), True), ((0, 2, 0.27), False)):
+        view = constant_view(camera_looking(place), [0.6, 0, 0.8], confidence)
+        texture = bake_normals(plane(), [view], size=16, space="object")
+        from_view = degrees_between(texture.vectors, [0.6, 0, 0.8])
+        if ahead or kept:
+            assert from_view.max() < 0.1
+        else:
+            assert (from_view > 0.6 * np.degrees(np.arcsin(0.6))).all()
 
 
 def test_what_another_part_hides_is_not_baked_onto_it() -> None:

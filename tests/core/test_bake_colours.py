@@ -14,13 +14,15 @@ from progress_lines import events
 from surface_shapes import camera_looking, sphere_mesh, sphere_view, texels_of
 
 from mpsnet_core import read_camera, read_normals
-from mpsnet_core.bake.bake import View, bake_normals
+from mpsnet_core.bake.bake import View, bake_normals, bake_texture_sets
+from mpsnet_core.bake.settings import BakeSettings
 from mpsnet_core.bake.view_agreement import matched_views
 from mpsnet_core.estimate.albedo import write_albedo
 from mpsnet_core.io.image import linear_to_srgb
 from mpsnet_core.scene.camera import Camera, write_camera
 from mpsnet_core.scene.mesh import Mesh
 from mpsnet_core.scene.normal_map import NormalMap, write_normals
+from mpsnet_core.scene.texture_sets import texture_sets
 
 
 def paint(points: np.ndarray) -> np.ndarray:
@@ -129,6 +131,19 @@ def test_colours_go_on_along_the_surface_whatever_its_islands(size: int) -> None
     harmonic = 0.5 + 0.4 * points[far, 1] / (1 - points[far, 0])
     off = np.abs(found[:, 1] - harmonic)
     assert off.mean() < 0.04 and off.max() < 0.12
+
+
+def test_colours_go_on_across_the_seams_of_every_tile() -> None:
+    mesh = shuffled(sphere_mesh(24, 12), 16)
+    moved = replace(mesh, uvs=mesh.uvs + np.float32([1, 0]), given_tangents=mesh.tangents)
+    baked = []
+    for one, tile in ((mesh, 1001), (moved, 1002)):
+        chosen = [found for found in texture_sets([one], tiles=True) if found.tile == tile]
+        baked += bake_texture_sets([one], [painted_view((1, 0, 0))], chosen, BakeSettings(SIZE))
+    (_, first), (_, second) = baked
+    assert first.colours is not None and second.colours is not None
+    inside = first.covered & second.covered
+    assert np.abs(first.colours - second.colours)[inside].mean() < 1e-3
 
 
 def test_an_island_that_nothing_seen_touches_has_the_mean_colour() -> None:

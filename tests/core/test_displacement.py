@@ -275,7 +275,7 @@ def test_heights_larger_than_the_mesh_are_reported(
         write_image("t.png", encode(np.broadcast_to(unit(np.array([-gradient, 0, 1.0])), (32, 32, 3))))
         assert main(["integrate", "t.png", "--uvs", "mesh.npz", "--height", "h.exr"]) == 0
         said = capsys.readouterr().err
-        assert ("and the whole mesh 1.41; check" in said) == told and "contradict" not in said
+        assert ("and the whole mesh 1.41; was" in said) == told and "contradict" not in said
 
 
 def test_normals_of_no_surface_do_not_tear_what_is_around_them() -> None:

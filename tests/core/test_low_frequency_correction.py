@@ -124,3 +124,26 @@ def test_a_large_view_is_levelled_as_a_small_one() -> None:
     thinned = after(large.normals.vectors @ tilt.T, large)[1::3, 1::3]
     change = degrees_between(thinned, after(small.normals.vectors @ tilt.T, small))
     assert change[in_front(small)].max() < 0.2
+
+
+@pytest.mark.parametrize("expected", [0.0, 1.0, 8.0], ids=lambda degrees: f"{degrees:g} degrees")
+@pytest.mark.parametrize("lacks", [0.0, 25.0], ids=["the shape", "a wrong shape"])
+def test_what_agrees_is_taken_as_far_as_the_estimate_doubts_itself(expected: float, lacks: float) -> None:
+    """An estimate that errs by 6 degrees is mended by the object's mesh if it says so; a mesh that lacks what the photo
+    shows bends it by little; one that is sure is left alone."""
+    view = smooth_view(size=240)
+    front, inside = in_front(view), view.normals.mask
+    lean = turn(np.array([0.4, -1, 0]), lacks)
+    truth = view.normals.vectors @ lean.T  # what the photo shows, which the mesh shows turned
+    tilted = truth @ turn(np.array([1.0, 0.3, 0]), -6).T
+    given = NormalMap(tilted, inside, np.where(inside, np.float32(1 - expected / 90), 0))
+    mended = correct_low_frequencies(given, view.camera, MESH, agreed=True)
+    wholly = correct_low_frequencies(given, view.camera, MESH)
+    before, after, all_of_it = (degrees_between(one.vectors, truth)[front].mean() for one in (given, mended, wholly))
+    print(f"estimated {before:.2f}°, where they agree {after:.2f}°, wholly from the mesh {all_of_it:.2f}°")
+    if expected == 0:
+        assert np.allclose(mended.vectors, given.vectors, atol=1e-6)
+    elif lacks or expected == 1:
+        assert abs(after - before) < 0.3 * abs(all_of_it - before)
+    else:
+        assert after < 0.7 * before

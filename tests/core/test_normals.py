@@ -11,7 +11,7 @@ from mpsnet_core.arrays.unit_vectors import angular_error
 from mpsnet_core.errors import GeometryError
 from mpsnet_core.io.image_writing import write_image
 from mpsnet_core.scene.normal_encoding import encode, read_vectors
-from mpsnet_core.scene.normal_map import NormalMap, read_normals, write_normals
+from mpsnet_core.scene.normal_map import NormalMap, read_normals, stating_the_error, write_normals
 
 ROOT = np.sqrt(0.5)
 
@@ -88,11 +88,14 @@ def test_a_confidence_map_is_read_beside_the_normals(tmp_path: Path) -> None:
     mask = np.ones((2, 2), bool)
     confidence = np.array([[0, 0.25], [0.5, 1]], np.float32)
     normals = NormalMap(np.broadcast_to([0.0, 0.0, 1.0], (2, 2, 3)), mask, confidence)
-    write_normals(tmp_path / "n.png", normals)
+    write_normals(tmp_path / "n.png", normals, description=stating_the_error(normals))
     write_image(tmp_path / "c.png", normals.confidence)
     read = read_normals(tmp_path / "n.png", confidence=tmp_path / "c.png")
     assert read.confidence == pytest.approx(confidence, abs=1e-4)
-    assert (read_normals(tmp_path / "n.png").confidence == 1).all()
+    expected = np.sqrt(np.mean((1 - confidence) ** 2))
+    assert read_normals(tmp_path / "n.png").confidence == pytest.approx(np.full((2, 2), 1 - expected), abs=1e-4)
+    write_normals(tmp_path / "sure.png", NormalMap(normals.vectors, mask))
+    assert (read_normals(tmp_path / "sure.png").confidence == 1).all()
 
 
 test_a_bad_normal_map_gets_one_clear_sentence = gets_one_clear_sentence(

@@ -30,7 +30,7 @@ def test_each_triangle_is_in_the_tile_that_its_uvs_lie_in(caplog: pytest.LogCapt
     assert told(found) == [(None, None, tile, part) for tile, part in expected.items()]
     assert [texture_set.corner for texture_set in found] == [(0, 0), (1, 0), (0, 1), (9, 2)]
     assert [record.getMessage() for record in caplog.records] == [
-        "2 of 10 triangles have UVs outside the UDIM tiles, which the texture does not reach"
+        "2 of 10 triangles have UVs outside the UDIM tiles, where no texture is"
     ]
     caplog.clear()
     with caplog.at_level("INFO", "mpsnet_core"):

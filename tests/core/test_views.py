@@ -429,7 +429,10 @@ BAD: dict[str, tuple[Callable[[Table], list[Any]], str]] = {
         lambda t: ["--cameras", t / "photos"],
         r"photos holds no file NAME\.camera\.json for a photo called NAME, and no COLMAP model .*; choose the folder",
     ),
-    "a level that is none": (lambda t: ["--level", "much"], r"--level much is not known; give on, off, or a scale"),
+    "a level that is none": (
+        lambda t: ["--level", "much"],
+        r"--level much is not known; give auto, on, off, or a scale",
+    ),
     "an output over the rig": (lambda t: ["--json", t / "rig.json"], r"would overwrite .*rig.json"),
 }
 

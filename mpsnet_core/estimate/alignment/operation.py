@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, ClassVar, Literal
 
 from mpsnet_core.capture.operations import ReadsPhotos
 from mpsnet_core.defaults import MASK, MAX_FOCAL, MIN_FOCAL
-from mpsnet_core.errors import GeometryError, SettingsError
+from mpsnet_core.errors import GeometryError, Note, SettingsError
 from mpsnet_core.estimate.operations import RunsModel
 from mpsnet_core.operation import Result, option
 from mpsnet_core.progress import Progress, part, silent
@@ -263,15 +263,15 @@ class Align(RunsModel, TakesMesh, ReadsPhotos):
         numbers, files = [number + 1 for number in left_out] or None, [str(path) for path, _ in others] or None
         return CameraFound(self.output, *facts, residuals, numbers, files, text=text)
 
-    def _warn(self, fits: "list[Fit]", quality: str, turned_over: bool, poor: bool) -> None:
+    def _warn(self, fits: "list[Fit]", quality: Note, turned_over: bool, poor: bool) -> None:
         """Warn of a fit that may be wrong."""
         if turned_over:
-            log.warning(
+            log.error(
                 "the mirror image of the mesh fits better than the mesh; if an export or import turned one of its axes "
                 "over, so that its left is on the right, mirror it [mirrored-mesh]"
             )
         elif poor:
-            log.warning("%s; look at the overlay, and give points, or another mask or mesh [poor-alignment]", quality)
+            log.error("%s; look at the overlay, and give points, or another mask or mesh [poor-alignment]", quality)
         elif len(fits) > 1 and fits[1].cost < AMBIGUOUS * fits[0].cost:
             words = "another view fits nearly as well, that of %s; look at the overlay, give points if it is wrong "
             log.warning(words + "[poor-alignment]", self._others()[0].name)
@@ -326,17 +326,18 @@ def _is_poor(fit: "Fit", mask: "Bools") -> bool:
     return fit.outline > POOR_OUTLINE * longer or fit.degrees > POOR_DEGREES or fit.overlap < POOR_OVERLAP
 
 
-def fit_in_words(outline_pixels: float, normals_degrees: float, overlap: float, poor: bool) -> str:
+def fit_in_words(outline_pixels: float, normals_degrees: float, overlap: float, poor: bool) -> Note:
     """How well the mesh fits the photo, by these facts of a :class:`CameraFound`.
 
     The normals of a good fit differ, too, by what the mesh lacks and the estimate errs: their angle tells of poor ones.
     """
-    normals = f" and normals {normals_degrees:.0f}°" if poor else ""
-    verdict = "poor" if poor else "good"
-    return f"{verdict} fit: outlines {outline_pixels:.1f} pixels{normals} apart, {overlap:.0%} shared"
+    if not poor:
+        return Note("good fit: outlines %.1f pixels apart, %.0f%% shared", outline_pixels, 100 * overlap)
+    words = "poor fit: outlines %.1f pixels and normals %.0f° apart, %.0f%% shared"
+    return Note(words, outline_pixels, normals_degrees, 100 * overlap, level="stop")
 
 
-def _quality(fit: "Fit", mask: "Bools") -> str:
+def _quality(fit: "Fit", mask: "Bools") -> Note:
     return fit_in_words(fit.outline, fit.degrees, fit.overlap, _is_poor(fit, mask))
 
 

@@ -18,7 +18,7 @@ from mpsnet_core.arrays.unit_vectors import dot, normalised
 from mpsnet_core.capture.capture import finite_inside
 from mpsnet_core.capture.decode import PhotoReadOptions
 from mpsnet_core.capture.open import PhotoSet, Source
-from mpsnet_core.errors import GeometryError, InputError, NoObject
+from mpsnet_core.errors import GeometryError, InputError, NoObject, Note
 from mpsnet_core.estimate.onnx_model import open_session, run_session
 from mpsnet_core.estimate.registry import MODELS_FOLDER
 from mpsnet_core.io.image import CHANNELS
@@ -320,7 +320,7 @@ class LightFound:
 
     def __str__(self) -> str:
         side = SIDES[round(self.tilt / 45) % 8]
-        return f"{self.name} from the {side}, slant {self.slant:.0f}°, ± {self.uncertainty:.0f}°"
+        return Note("%s from the %s, slant %.0f°, ± %.0f°", self.name, side, self.slant, self.uncertainty)
 
 
 @dataclass(frozen=True, eq=False)
@@ -333,7 +333,7 @@ class FoundLights:
     """(3,) expected angular errors in degrees."""
 
     def __str__(self) -> str:
-        return "; ".join(map(str, self.facts()))
+        return Note("%s; %s; %s", *map(str, self.facts()))
 
     def facts(self) -> list[LightFound]:
         """Each light, for people and for programs."""
@@ -403,7 +403,7 @@ def with_lights(
     if source.rig is not None:
         return source, None
     found = find_lights_of(photos, options)
-    log.warning("lights found in the photo: %s; calibrate to gain up to 1.5° [lights-found]", found)
+    log.warning("lights found in the photo: %s; calibrate to gain up to 1.5° [lights-found]", str(found))
     return replace(source, rig=found.rig), found.facts()
 
 

@@ -16,13 +16,12 @@ import numpy as np
 from mpsnet_core.arrays.mask_regions import box_sums
 from mpsnet_core.arrays.types import F32, Bools, Floats
 from mpsnet_core.capture.capture import Capture
-from mpsnet_core.defaults import MAX_SMOOTHING
+from mpsnet_core.defaults import MAX_SMOOTHING, Convention
 from mpsnet_core.errors import Batch, GeometryError, InputError, NoObject, SettingsError
 from mpsnet_core.estimate.sequence.source import Frame
 from mpsnet_core.io.files import check_own, ensure_folder, remove_abandoned
 from mpsnet_core.io.provenance import is_result, is_up_to_date, provenance_line
 from mpsnet_core.progress import Progress, part, silent
-from mpsnet_core.scene.normal_encoding import Convention
 from mpsnet_core.scene.normal_map import NormalMap, write_normals
 
 # --- temporal denoising of normals, without lag: a mean over earlier and later frames that show the same --------------

@@ -62,7 +62,7 @@ def write_displacement(options: Integrate, progress: Progress) -> HeightsOnUVs:
     names = options.normals, options.height, options.object_space
     normals, outputs, turned = (_files(name, chosen, tiled) for name in names)
     taken = [*normals, Path(options.uvs), *([Path(options.base)] if options.base else [])]
-    files = _checked_outputs(outputs, turned, options.height_bits, taken)
+    files = _checked(outputs, turned, options.height_bits, taken)
     tiles = tiles_of(chosen)
     progress(0.05, f"reading {Path(options.normals).name}")
     vectors = tiles.joined(read_normals(file, convention=options.convention).vectors for file in normals)
@@ -146,9 +146,7 @@ def _write_normals(parts: Mapping[Path, F32]) -> None:
         write_vectors(file, vectors)
 
 
-def _checked_outputs(
-    outputs: Sequence[Path], turned: Sequence[Path], bits: int | None, taken: Sequence[Path]
-) -> list[Path]:
+def _checked(outputs: Sequence[Path], turned: Sequence[Path], bits: int | None, taken: Sequence[Path]) -> list[Path]:
     """The files of heights and scales, and `turned`. Raises InputError if they cannot be written, or are `taken`."""
     files: list[Path] = []
     for output in outputs:
@@ -166,8 +164,6 @@ def _warn_of_misfit(found: Displacement, span: float, mesh: Mesh, unit: str, bak
     if span > across:
         misfits.append(f"the heights span {span:.3g} {unit}, and the whole mesh {across:.3g}")
     if found.contradicted > DOUBTFUL:
-        misfits.append(
-            f"its normals contradict each other on {found.contradicted:.0%} of the surface, which stays flat"
-        )
+        misfits.append(f"its normals contradict each other on {found.contradicted:.0%} of the surface, left flat")
     if misfits:
         log.warning("%s; was the texture baked onto this mesh, %s (--space, --convention)?", "; ".join(misfits), baked)

@@ -277,9 +277,8 @@ def chosen_sides(wanted: Gradients, depth: F32, off: float = OFF) -> tuple[Links
     weights = Links(np.zeros((height, width - 1), np.float32), np.zeros((height - 1, width), np.float32))
     weighted_changes = Links(np.zeros_like(weights.right), np.zeros_like(weights.down))
     for rows in bands(height):
-        weight, weighted_change = _along(
-            depth[rows].T, wanted.facing[rows].T, wanted.right[rows].T, wanted.mask[rows].T, off
-        )
+        facing, right, mask = wanted.facing[rows].T, wanted.right[rows].T, wanted.mask[rows].T
+        weight, weighted_change = _along(depth[rows].T, facing, right, mask, off)
         weights.right[rows], weighted_changes.right[rows] = weight.T, weighted_change.T
         # Both pixels of a link compare it with the change on their other side: one more row above and below.
         top = max(rows.start - 1, 0)

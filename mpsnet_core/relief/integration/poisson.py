@@ -227,7 +227,7 @@ def solve_poisson(
         del correction  # before the next one is made
     else:
         if by_default and remaining > REPORTED:
-            log.info(
+            log.warning(
                 "the heights may be wrong by a few pixels where only thin strips connect the surface; use a "
                 "mask without these strips, or a smaller image"
             )

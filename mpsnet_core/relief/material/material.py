@@ -1,6 +1,7 @@
 """Flat materials: seamless textures of known size, made from one photo."""
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -14,15 +15,7 @@ from mpsnet_core.progress import Progress, silent
 from mpsnet_core.relief.curvature import curvature
 from mpsnet_core.relief.height_map import check_size
 from mpsnet_core.relief.material import flatten
-from mpsnet_core.relief.material.tiling import (
-    MIN_JOINED,
-    Seam,
-    Tiling,
-    find_tiling,
-    make_seamless,
-    measure_seam,
-    sampled,
-)
+from mpsnet_core.relief.material.tiling import MIN_JOINED, Seam, Tiling, find_tiling, measure_seam, sampled, seamless
 from mpsnet_core.scene.camera import Camera
 from mpsnet_core.scene.normal_map import NormalMap
 
@@ -112,7 +105,7 @@ def flat_material(
     _check_overlap(min(joined), overlap)
     progress(0.5, "joining the borders")
     features = sampled(features, tiling, tile, joined)  # frees those of the whole photo, which are large
-    features, cut = make_seamless(features, joined)
+    features, cut = seamless(features, joined)
     progress(0.7, "integrating the height")
     return _material(flatten.remove_low_frequencies(features, bend), cut, tiling, tilt, pixel_mm)
 
@@ -175,7 +168,8 @@ def crop_to_filled_part(capture: Capture, crop: tuple[int, int, int, int] | None
         raise GeometryError(f"a flat material fills the photo, but {missing:.1%} of it is transparent; crop it")
     camera = capture.camera and capture.camera.cropped(left, top, width, height)
     arrays = {name: getattr(capture, name) for name in ("image", "mask", "depth", "clipped")}
-    return replace(capture, camera=camera, **{name: None if one is None else one[part] for name, one in arrays.items()})
+    cropped: dict[str, Any] = {name: None if one is None else one[part] for name, one in arrays.items()}
+    return replace(capture, camera=camera, **cropped)
 
 
 def _flatten(capture: Capture, normals: NormalMap, bend: int, grey: bool, progress: Progress) -> tuple[F32, float]:

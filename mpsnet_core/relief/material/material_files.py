@@ -14,7 +14,7 @@ from mpsnet_core.arrays.types import F32
 from mpsnet_core.capture.capture import Capture
 from mpsnet_core.capture.masks import ALPHA_OR_NONE
 from mpsnet_core.capture.open import open_captures
-from mpsnet_core.defaults import BY_PHOTO
+from mpsnet_core.defaults import BY_PHOTO, Convention
 from mpsnet_core.errors import SettingsError
 from mpsnet_core.estimate.registry import DEFAULT_MODEL, LAMBERTIAN_GREY_WORLD
 from mpsnet_core.io import files as disk
@@ -30,7 +30,7 @@ from mpsnet_core.relief.material.material import Material, check_material, crop_
 from mpsnet_core.relief.material.tiling import resampled
 from mpsnet_core.relief.operations import MakeMaterial
 from mpsnet_core.relief.relight import relit
-from mpsnet_core.scene.normal_encoding import Convention, write_vectors
+from mpsnet_core.scene.normal_encoding import write_vectors
 from mpsnet_core.scene.normal_map import NormalMap
 
 MILLIMETRES = {"mm": 1.0, "cm": 10.0, "m": 1000.0, "in": 25.4}

@@ -242,7 +242,7 @@ MIN_JOINED = 2 * FEATHER + 1
 FADED = 8
 
 
-def make_seamless(patch: F32, overlap: tuple[int, int]) -> tuple[F32, Bools]:
+def seamless(patch: F32, overlap: tuple[int, int]) -> tuple[F32, Bools]:
     """A tile (H, W, C) that repeats without a seam, from a larger image, and the places of its cuts.
 
     patch: (H + overlap[0], W + overlap[1], C): the rows and columns of the overlap at its end are equal, or similar, to

@@ -98,9 +98,8 @@ def _chunk_photos(chunk: Element) -> list[PosedPhoto]:
                 raise FormatError(f"its sensor {camera.get('sensor_id')} is not in the file; {EXPORT}")
             transform = components.get(camera.get("component_id"))
             world = similarity(whole if transform is None else transform)
-            photos.append(
-                _posed(name, calibration(sensor), _numbers(pose.text, 16, "its transform").reshape(4, 4), world)
-            )
+            matrix = _numbers(pose.text, 16, "its transform").reshape(4, 4)
+            photos.append(_posed(name, calibration(sensor), matrix, world))
     return photos
 
 

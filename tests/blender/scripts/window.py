@@ -70,7 +70,10 @@ def state():
         "rig_file": bpy.context.scene.mps.estimate.rig_file,
         "found": bpy.context.scene.mps.calibrate.summary,
         "rig": [light.object.session_uid for light in bpy.context.scene.mps.rig.lights],
-        "errors": {record.name: record.error for record in bpy.context.scene.mps.records},
+        "errors": {
+            record.name: record.error
+            for record in (*bpy.context.scene.mps.records, *bpy.context.scene.mps.chosen.records)
+        },
         "running": manager.mps.running,
         "progress": manager.mps.progress,
         "message": manager.mps.message,
