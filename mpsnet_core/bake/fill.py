@@ -94,12 +94,7 @@ class Continued:
         return total / weight[:, None], touched
 
 
-def continued(
-    values_at: Callable[[I64, I64], F32],
-    islands: I32,
-    known: Bools,
-    seams: SeamEdges,
-) -> Continued:
+def continued(values_at: Callable[[I64, I64], F32], islands: I32, known: Bools, seams: SeamEdges) -> Continued:
     """Continue what is known at texels over the surface.
 
     values_at: (M, K) of known texels in these rows and columns, (M,) each; they must mean the same on all islands.
@@ -205,13 +200,7 @@ def check_filling(space: str) -> None:
 
 
 def fill_unseen(
-    texture: Texture,
-    islands: I32,
-    known: Bools,
-    seams: SeamEdges,
-    frames: Frames,
-    *,
-    progress: Progress = silent,
+    texture: Texture, islands: I32, known: Bools, seams: SeamEdges, frames: Frames, *, progress: Progress = silent
 ) -> Texture:
     """Fill the unseen texels smoothly from the rim of the seen ones.
 

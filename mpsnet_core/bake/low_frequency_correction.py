@@ -183,12 +183,7 @@ def _smoothed_rotations(points: F32, estimate: F32, own: F32, sigma: float) -> F
     return _smoothed(points, np.stack(layers), sigma, _rotation)
 
 
-def _smoothed(
-    points: F32,
-    layers: F32,
-    sigma: float,
-    solve: Callable[[F32], F32],
-) -> F32:
+def _smoothed(points: F32, layers: F32, sigma: float, solve: Callable[[F32], F32]) -> F32:
     """(N, C) what `solve` makes of layers (K, N) around each point.
 
     sigma: standard deviation of the Gaussian weights, in world units. solve: takes the weighted sums (K + 1, M), of the

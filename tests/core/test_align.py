@@ -231,10 +231,7 @@ class TestCommand:
         assert_the_same(read_camera(files / "camera.json"), photo.camera)
         # By the diagonal, EXIF's own way, on a photo of 6:5.
         focal = stated * np.hypot(6, 5) / 6 * 36 / np.hypot(36, 24)
-        used, refused = (
-            f"photo.jpg states a lens of {focal:.0f} mm, where the search starts",
-            "which no camera",
-        )
+        used, refused = (f"photo.jpg states a lens of {focal:.0f} mm, where the search starts", "which no camera")
         assert (used in done.stderr) == (stated >= 60 and not given)
         assert (refused in done.stderr) == (stated == 1)
 

@@ -94,17 +94,9 @@ test_a_bad_synthesis_gets_one_clear_sentence = gets_one_clear_sentence(
     [
         (lambda b: synthesize(b, "-o", b / os.fsdecode(b"\xf6")), "\\udcf6: its name is not valid UTF-8"),
         ("unknown shape", lambda b: synthesize(b, "--shapes", "blobs,teapots"), "shape 'teapots' is not known"),
-        (
-            "meshes of no folder",
-            lambda b: synthesize(b, "--shapes", "meshes"),
-            "where it names their folder",
-        ),
+        ("meshes of no folder", lambda b: synthesize(b, "--shapes", "meshes"), "where it names their folder"),
         (lambda b: synthesize(b, "--shapes", "blobs", "--meshes", b.folder), "where it names their folder"),
-        (
-            "a scene without Blender",
-            lambda b: synthesize(b, "--shapes", "scene"),
-            "where it names their objects",
-        ),
+        ("a scene without Blender", lambda b: synthesize(b, "--shapes", "scene"), "where it names their objects"),
         (lambda b: synthesize(b, "--shapes", "blobs,meshes", "--meshes", b / "nowhere"), "nowhere does not exist"),
         (lambda b: b.run("synthesize", "--count", "1", "-o", b / "no" / "where"), "cannot make folder"),
         (lambda b: ((b / "s").mkdir(), b.bytes("s/sample_000000.exr", b"x"), synthesize(b)), "holds samples but no"),
