@@ -198,9 +198,7 @@ def test_no_object_loses_its_part_of_a_texture_that_several_share(spheres, scene
     given = {"objects": "SELECTED", "size": 16, "output": str(tmp_path / "atlas.png")}
     bpy.ops.mps.bake(**given)
     spheres[1].select_set(False)
-    with pytest.raises(
-        RuntimeError, match='is for "Right" too; bake onto it as well, choose another file, or take it off'
-    ):
+    with pytest.raises(RuntimeError, match='is for "Right" too; bake onto it as well, choose another file, or take it'):
         bpy.ops.mps.bake(**given)
     spheres[1].data.materials.clear()
     bpy.ops.mps.bake(**given)
