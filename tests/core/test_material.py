@@ -292,16 +292,6 @@ def test_made_again_it_takes_the_place_of_its_own_pictures_and_of_no_others(phot
         assert len(list((tmp_path / "out").glob(f"{name}_*"))) == 1
 
 
-def test_directx_turns_green_and_nothing_else(photo, tmp_path):
-    for name in ("opengl", "directx"):
-        assert run(tmp_path, "--width", "66mm", "--convention", name, "--name", name, "-o", tmp_path) == 0
-    pictures = [read_image(tmp_path / f"{name}_normal.png", encoding="linear").pixels for name in ("opengl", "directx")]
-    assert np.abs(pictures[0] - pictures[1])[..., ::2].max() == 0
-    assert np.abs(pictures[0][..., 1] - (1 - pictures[1][..., 1])).max() < 1e-4
-    heights = [read_channel(tmp_path / f"{name}_height.png") for name in ("opengl", "directx")]
-    assert np.array_equal(*heights)
-
-
 BAD = {
     "no scale": ([], "no option states the material's size; give one of --width, --pixel-size or --ruler"),
     "two scales": (["--width", "1m", "--pixel-size", "1mm"], "several options state the material's size"),

@@ -20,7 +20,6 @@ from mpsnet_core.scene.rig import LightRig, direction_from_angles
 pytestmark = pytest.mark.accuracy
 
 RIG = LightRig(direction_from_angles([25.0, 35.0, 45.0], [75.0, 210.0, 320.0]), np.array(CROSSTALK))
-Inputs = dict[str, np.ndarray]
 
 
 @pytest.fixture(scope="module")

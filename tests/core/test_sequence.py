@@ -353,14 +353,6 @@ def test_frames_without_an_object_cost_no_file_of_somebody_elses_and_a_wrong_mas
     assert {file: (tmp_path / "out" / file).read_bytes() for file in listing(tmp_path / "out")} == before
 
 
-def test_a_sequence_without_any_object_ends_with_the_reason(tmp_path: Path) -> None:
-    photos = shots(tmp_path / "shots", range(1, 4))
-    mask = write_file(tmp_path / "mask.png", 0 * SPHERE.mask, "uint8")
-    with pytest.raises(InputError, match="the mask is empty"):
-        run(photos, tmp_path / "out", masks=Masks(str(mask)))
-    assert not (tmp_path / "out").exists()
-
-
 def test_settings_and_files_that_matter_make_frames_again(tmp_path: Path, mpsnet: Mpsnet, rig: Path) -> None:
     shots(tmp_path / "shots", [1, 2])
     command = ["estimate", tmp_path / "shots", "--rig", rig, "-o", tmp_path / "out", "--progress", "json"]

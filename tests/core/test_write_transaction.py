@@ -37,10 +37,6 @@ VERBS = {
         "integrate {0}/ball.png --height h.png --curvature c.png --occlusion o.tif --relit r.png",
         ("--pixel-size 1", "--pixel-size 2 --light 30,90"),
     ),
-    "heights on uvs": (
-        "integrate {0}/t.<UDIM>.png --uvs {0}/mesh.npz --height h.<UDIM>.exr --space object",
-        ("--unit m", "--unit mm"),
-    ),
     "material": (
         "material {0}/weave.exr --rig {0}/rig.json --width 36mm -o . --name m",
         ("--size 64", "--size 80 --convention directx"),
@@ -53,7 +49,6 @@ VERBS = {
         "calibrate lights {0}/mirror.exr -o rig.json --overlay seen.png --json told.json",
         (f"--circle {CIRCLE}", "--circle 130.5,105,70"),
     ),
-    "mask": ("mask {0}/photo.exr -o mask.png --overlay over.png", ("--mask threshold:0.05", "--mask threshold:0.4")),
     "estimate": (
         "estimate {0}/photo.exr --rig {0}/rig.json --model lambertian -o n.png --confidence sure.exr",
         ("--mask threshold:0.05", "--mask threshold:0.4"),
@@ -73,7 +68,7 @@ class Verb:
 
     def __init__(self, name: str, inputs: Path) -> None:
         self.name, self.inputs = name, inputs
-        made = inputs / name.replace(" ", "_")
+        made = inputs / name
         states, self.files = [], dict[str, bytes]()
         for turn in (0, 1):
             made.mkdir(exist_ok=True)
@@ -113,9 +108,6 @@ def inputs(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("inputs")
     Bench(folder)  # mesh.npz, camera.json, n.png
     write_image(folder / "a.png", np.full((16, 96, 3), 0.5))
-    leaning = np.random.default_rng(0).uniform([0.4, 0.4, 0.9], [0.6, 0.6, 1.0], (32, 32, 3))
-    for tile in (1001, 1002):
-        write_image(folder / f"t.{tile}.png", leaning)
     sphere = shaded_sphere()
     write_rig(folder / "rig.json", sphere.rig)
     write_image(folder / "photo.exr", sphere.image)
