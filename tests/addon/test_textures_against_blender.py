@@ -33,9 +33,7 @@ from .test_bake_against_blender import (
 SIZE = 256
 
 
-def textures(
-    meshes: list[Mesh], tmp_path: Path, seen: "bpy.types.Object", **by: bool
-) -> list[tuple[TextureSet, Texture]]:
+def textures(meshes: list[Mesh], tmp_path, seen: "bpy.types.Object", **by: bool) -> list[tuple[TextureSet, Texture]]:
     """What is baked of eight renders of an object's normals."""
     views = [normal_view(side, seen, tmp_path / "view.exr", "ORTHO") for side in SIDES]
     return list(bake_texture_sets(meshes, views, texture_sets(meshes, **by), BakeSettings(size=SIZE, margin=0)))

@@ -8,7 +8,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 from bad_input import SPHERE, gets_one_clear_sentence
-from conftest import Mpsnet
 from sphere_sample import sphere_sample
 from synthetic import CROSSTALK, Sphere, shaded_sphere, write_file
 
@@ -188,7 +187,7 @@ def test_what_is_clipped_in_any_of_the_white_photos_is_known(tmp_path: Path, pho
 # --- the command line -------------------------------------------------------------------------------------------------
 
 
-def test_estimate_writes_the_albedo_beside_the_normals(tmp_path: Path, mpsnet: Mpsnet) -> None:
+def test_estimate_writes_the_albedo_beside_the_normals(tmp_path: Path, mpsnet) -> None:
     """The white photo is the sum of a sample's three pictures under white lights, the coloured one has one of each."""
     sample = sphere_sample(48, left=OCHRE, right=TEAL)
     write_rig(tmp_path / "rig.json", LightRig(sample.recipe.light_directions))

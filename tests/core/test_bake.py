@@ -114,9 +114,7 @@ def test_an_orthographic_camera_sees_the_same_from_within_as_from_afar() -> None
 
 
 @pytest.mark.parametrize(("depth", "told"), [(3.0, False), (0.0, False), (-3.0, True)])
-def test_an_orthographic_camera_that_looks_away_from_the_mesh_is_reported(
-    caplog: pytest.LogCaptureFixture, depth: float, told: bool
-) -> None:
+def test_an_orthographic_camera_that_looks_away_from_the_mesh_is_reported(caplog, depth: float, told: bool) -> None:
     pose = np.eye(4)
     pose[2, 3] = depth
     camera = Camera("orthographic", 64, 64, [24, 24], world_from_camera=pose)

@@ -7,7 +7,6 @@ import numpy as np
 import OpenImageIO as oiio
 import pytest
 from bad_input import SPHERE, SQUARE, gets_one_clear_sentence
-from conftest import Mpsnet
 from mesh_file import write_mesh
 from plane_views import SIX_SIDES, SIZE, plane
 from progress_lines import events
@@ -162,7 +161,7 @@ def test_an_island_that_nothing_seen_touches_has_the_mean_colour() -> None:
     assert np.abs(right[covered][:, :3] - texture.colours[texture.seen][:, :3].mean(axis=0)).max() < 0.02
 
 
-def test_bake_writes_the_albedo_beside_the_texture(tmp_path: Path, mpsnet: Mpsnet) -> None:
+def test_bake_writes_the_albedo_beside_the_texture(tmp_path: Path, mpsnet) -> None:
     """A plate of two colours before two cameras; where one albedo is transparent, the other one tells. They differ in
     exposure and tint, and meet in the middle."""
     mesh: Mesh = plane()

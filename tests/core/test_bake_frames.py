@@ -125,9 +125,7 @@ def test_meshes_and_cameras_may_move_along(bench: Path, capsys: pytest.CaptureFi
         (("broken", "skin"), r"all 3 that were tried failed; the first: .*b_1\.png: "),
     ],
 )
-def test_bad_input_gets_one_sentence(
-    bench: Path, capsys: pytest.CaptureFixture[str], arguments: tuple[str, ...], sentence: str
-) -> None:
+def test_bad_input_gets_one_sentence(bench: Path, capsys, arguments: tuple[str, ...], sentence: str) -> None:
     source = (bench / "normals" / "f_7_normals.png").read_bytes()
     for folder, names in (("odd", ("a.png", "b.png")), ("broken", ("b_1.png", "b_2.png", "b_3.png", "b_4.png"))):
         (bench / folder).mkdir()

@@ -16,7 +16,6 @@ import numpy as np
 import OpenImageIO as oiio
 import pytest
 from ball_scene import CIRCLE, MIDDLE, SCENE
-from conftest import Mpsnet
 from mirror_ball import CROSSTALK, Scene, around, grey_photograph, lamps_around, photograph
 from synthetic import degrees_between, listing, write_file
 
@@ -77,7 +76,7 @@ def test_words_are_drawn_wherever_the_environment_looks_for_another_openimageio(
     np.testing.assert_array_equal(picture(tmp_path / "elsewhere.png"), picture(tmp_path / "here.png"))
 
 
-def test_one_photo_becomes_a_rig(mpsnet: Mpsnet, photos: Path, tmp_path: Path) -> None:
+def test_one_photo_becomes_a_rig(mpsnet, photos: Path, tmp_path: Path) -> None:
     rig, overlay, told = tmp_path / "rig.json", tmp_path / "overlay.png", tmp_path / "told.json"
     command = ["calibrate", "lights", photos / "ball.exr", "--overlay", overlay, "--json", told, "-o", rig]
     done = mpsnet(*command, "--progress", "json")
@@ -120,9 +119,7 @@ def test_any_number_of_lights_goes_into_an_lp_file(photos: Path, tmp_path: Path)
     assert picture(overlay).std() > 0.01
 
 
-def test_lights_are_reported_by_their_photos_in_the_order_of_their_numbers(
-    photos: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_lights_are_reported_by_their_photos_in_the_order_of_their_numbers(photos: Path, tmp_path, capsys) -> None:
     """As a shell gives them: ball.10 before ball.2, and the mask among them."""
     for number, light in {1: 0, 2: 1, 10: 2, 11: 0}.items():
         (tmp_path / f"ball.{number}.png").write_bytes((photos / f"only{light}.png").read_bytes())
@@ -186,7 +183,7 @@ def test_two_balls_give_a_rig_with_positions(photos: Path, tmp_path: Path, lens:
     assert read_rig(rig).near is None
 
 
-def test_the_mixing_goes_into_the_rig(mpsnet: Mpsnet, photos: Path, tmp_path: Path) -> None:
+def test_the_mixing_goes_into_the_rig(mpsnet, photos: Path, tmp_path: Path) -> None:
     rig, overlay = tmp_path / "rig.json", tmp_path / "overlay.png"
     write_rig(rig, replace(read_rig(photos / "rig.json"), is_ground_truth=True))
     command = ["calibrate", "mixing", photos / "grey.exr", "--rig", rig, "--overlay", overlay, "-o", rig]
@@ -242,9 +239,7 @@ def test_the_mixing_by_a_photo_for_each_light(photos: Path, tmp_path: Path, card
     assert np.abs(mixing - CROSSTALK).max() < (0.03 if card else 0.01)
 
 
-def test_a_photo_of_one_light_that_was_exposed_for_longer_gets_a_warning(
-    photos: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_photo_of_one_light_that_was_exposed_for_longer_gets_a_warning(photos: Path, tmp_path, capsys) -> None:
     """The mixing would say that its light is brighter."""
     files = []
     for light, seconds in enumerate((0.1, 0.1, 0.2)):

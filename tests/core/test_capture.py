@@ -42,17 +42,13 @@ def test_a_mask_of_shares_counts_from_a_half_as_alpha_does() -> None:
     np.testing.assert_array_equal(capture.mask, [[False, False, True, True]])
 
 
-def test_without_alpha_the_whole_photo_is_taken_and_that_is_said(
-    photo_file: Path, sphere: Sphere, caplog: pytest.LogCaptureFixture
-) -> None:
+def test_without_alpha_the_whole_photo_is_taken_and_that_is_said(photo_file, sphere, caplog) -> None:
     assert read_capture(photo_file, sphere.rig).mask.all()
     assert "the whole photo is assumed to be the object" in caplog.text
 
 
 @pytest.mark.parametrize("model", ["lambertian", "multiscale"])
-def test_a_large_photo_is_held_in_half_the_memory(
-    tmp_path: Path, sphere: Sphere, monkeypatch: pytest.MonkeyPatch, model: str
-) -> None:
+def test_a_large_photo_is_held_in_half_the_memory(tmp_path, sphere, monkeypatch, model: str) -> None:
     mask = write_file(tmp_path / "mask.png", sphere.mask, "uint8")
     photo = write_file(tmp_path / "photo.png", sphere.image, "uint16")
     captures, normals = [], []
@@ -100,9 +96,7 @@ def test_a_photo_that_gives_hardly_right_normals_is_reported_of(
     assert any(words in line for line in told) if words else not told
 
 
-def test_a_coloured_photo_misleads_no_model_where_a_white_one_is_beside_it(
-    tmp_path: Path, caplog: pytest.LogCaptureFixture
-) -> None:
+def test_a_coloured_photo_misleads_no_model_where_a_white_one_is_beside_it(tmp_path, caplog) -> None:
     for name, pixels in (("photo", [0.2, 0.5, 0.6]), ("white", [0.4, 0.4, 0.4])):
         write_image(tmp_path / f"{name}.png", np.broadcast_to(pixels, (4, 4, 3)))
     with caplog.at_level("INFO", "mpsnet_core"):

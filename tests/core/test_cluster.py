@@ -105,9 +105,7 @@ def test_a_folder_that_the_machines_do_not_see_is_reported(cluster: LocalCluster
 
 
 @pytest.mark.parametrize("address", ["tcp://127.0.0.1:1", "nowhere", "gopher://127.0.0.1:8786", "tcp://127.0.0.1:x"])
-def test_an_address_where_nobody_answers_is_reported(
-    tmp_path: Path, address: str, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
-) -> None:
+def test_an_address_where_nobody_answers_is_reported(tmp_path, address: str, monkeypatch, capfd) -> None:
     monkeypatch.setattr(dask, "CONNECT_SECONDS", 0.2)
     write_job(tmp_path, job(3))
     with pytest.raises(InputError, match=f"no Dask scheduler at {address} .*give one like tcp://"):
@@ -153,9 +151,7 @@ def certificates(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-def test_a_tls_address_needs_the_certificates_of_its_cluster(
-    certificates: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_tls_address_needs_the_certificates_of_its_cluster(certificates: Path, tmp_path, monkeypatch) -> None:
     ours, theirs = (str(certificates / f"{name}.pem") for name in ("ours", "theirs"))
     roles = {f"tls_{role}_cert": ours for role in ("client", "scheduler", "worker")}
     security = Security(require_encryption=True, tls_ca_file=ours, **roles)

@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from conftest import Mpsnet
 from synthetic import Sphere, degrees_between, shaded_sphere, write_file
 
 from mpsnet_core.capture.decode import Correction, corrected, read_correction
@@ -135,7 +134,7 @@ def test_another_exposure_of_the_dark_frame_is_reported(
     assert ("exposed for 1 s, the photo for 0.2 s" in caplog.text) is told
 
 
-def test_the_command_line_corrects(shots: Shots, tmp_path: Path, mpsnet: Mpsnet, rig_file: Path) -> None:
+def test_the_command_line_corrects(shots: Shots, tmp_path: Path, mpsnet, rig_file: Path) -> None:
     sphere = shaded_sphere()
     found = {}
     for name, options in {"with": ["--dark", shots.dark, "--flat", shots.flat], "without": []}.items():
@@ -197,9 +196,7 @@ class TestBadInput:
         assert "as bright as the photo" in refused(lambda: corrected(image, self.read(dark=shots.photo)))
 
     @pytest.mark.parametrize("several", [False, True], ids=["one photo", "frames"])
-    def test_near_lights_whose_fall_off_is_reported_twice(
-        self, shots: Shots, mpsnet: Mpsnet, rig_file: Path, several: bool
-    ) -> None:
+    def test_near_lights_whose_fall_off_is_reported_twice(self, shots: Shots, mpsnet, rig_file, several: bool) -> None:
         write_rig(rig_file, near_rig([[0, 3, -1], [3, 0, -1], [-3, -3, -1]], [0, 0, -5]))
         photos = [shots.photo, shots.write("photo2.tif", 0.5)][: 1 + several]
         command = ["estimate", *photos, "--rig", rig_file, "--focal", "50", "--model", "lambertian"]

@@ -164,9 +164,7 @@ def test_on_the_command_line_the_map_stays_and_the_detail_is_added(bench: Bench)
     ],
     ids=lambda given: " ".join(given) if isinstance(given, list) else "",
 )
-def test_bad_input_gets_one_sentence(
-    arguments: list[str], sentence: str, bench: Bench, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_bad_input_gets_one_sentence(arguments: list[str], sentence: str, bench: Bench, capsys) -> None:
     rng = np.random.default_rng(0)
     bench.map(waves(64), "good.png")
     bench.map(waves(64), "out.png")

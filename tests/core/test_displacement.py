@@ -253,9 +253,7 @@ def test_a_texture_of_another_space_is_refused() -> None:
         (0.8, "its normals contradict each other on 9"),  # a bowl on each of the six sides, of which none fits the next
     ],
 )
-def test_a_texture_that_does_not_fit_is_reported(
-    gradient: float, told: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_texture_that_does_not_fit_is_reported(gradient: float, told: str, tmp_path, monkeypatch, capsys) -> None:
     monkeypatch.chdir(tmp_path)
     write_mesh("mesh.npz", cube_sphere(4))
     row, column = np.indices((64, 64)) / 64 - 0.5
@@ -265,9 +263,7 @@ def test_a_texture_that_does_not_fit_is_reported(
     assert told in said if told else "was the texture" not in said
 
 
-def test_heights_larger_than_the_mesh_are_reported(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_heights_larger_than_the_mesh_are_reported(tmp_path, monkeypatch, capsys) -> None:
     """A ramp: nothing in it contradicts."""
     monkeypatch.chdir(tmp_path)
     write_mesh("mesh.npz", square())
@@ -307,13 +303,7 @@ def test_normals_of_no_surface_do_not_tear_what_is_around_them() -> None:
         (["--uvs", "mesh.npz", "--height", "texture.png"], "would overwrite texture.png"),
     ],
 )
-def test_bad_input_is_one_sentence(
-    arguments: list[str],
-    words: str,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
-) -> None:
+def test_bad_input_is_one_sentence(arguments: list[str], words: str, tmp_path, monkeypatch, capsys) -> None:
     monkeypatch.chdir(tmp_path)
     write_mesh("mesh.npz", cube_sphere(2))
     write_image("texture.png", np.broadcast_to([0.5, 0.5, 1.0], (32, 32, 3)))

@@ -91,9 +91,7 @@ def test_in_16_bits_all_tiles_have_one_scale(one: np.ndarray, capsys: pytest.Cap
         ("b_<UDIM>.exr", "h_<UDIM>_<OBJECT>.exr", "has <OBJECT>, but the textures are not split that way"),
     ],
 )
-def test_bad_input_is_one_sentence(
-    files: None, texture: str, height: str, words: str, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_bad_input_is_one_sentence(files: None, texture: str, height: str, words: str, capsys) -> None:
     before = sorted(Path().iterdir())
     assert main(["integrate", texture, "--uvs", "b.npz", "--height", height]) == 2
     said = capsys.readouterr().err

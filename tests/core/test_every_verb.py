@@ -114,9 +114,7 @@ def listening(path: Path) -> None:
 
 
 @pytest.mark.parametrize("make", [pipe, endless, listening, Path.mkdir])
-def test_only_files_are_opened(
-    place: Callable[[], Place], capfd: pytest.CaptureFixture[str], make: Callable[[Path], None]
-) -> None:
+def test_only_files_are_opened(place: Callable[[], Place], capfd, make: Callable[[Path], None]) -> None:
     wrong = {}
     for name, line in READS.items():
         there = place()

@@ -131,9 +131,7 @@ def _logs(folder: Path) -> str:
 
 
 @pytest.fixture
-def bench(
-    workshop: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> Iterator[Bench]:
+def bench(workshop: Path, tmp_path, capfd, monkeypatch) -> Iterator[Bench]:
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
     monkeypatch.setattr(sys, "warnoptions", ["error"])  # else the command line hides NumPy's warnings
     kept = Path.cwd()

@@ -350,9 +350,7 @@ def test_a_photo_stands_as_viewers_show_it(tmp_path: Path, orientation: int, fir
 
 
 @pytest.mark.parametrize(("aspect", "warnings"), [(2.0, 1), (0.5, 1), (1.0, 0), (1.001, 0)])
-def test_pixels_that_are_not_square_are_warned_of(
-    tmp_path: Path, caplog: pytest.LogCaptureFixture, aspect: float, warnings: int
-) -> None:
+def test_pixels_that_are_not_square_are_warned_of(tmp_path, caplog, aspect: float, warnings: int) -> None:
     read_image(write_file(tmp_path / "photo.exr", np.ones((2, 3, 3)), "half", PixelAspectRatio=aspect))
     assert len([record for record in caplog.records if "not square" in record.message]) == warnings
 

@@ -8,7 +8,6 @@ from pathlib import Path
 import numpy as np
 import OpenImageIO as oiio
 import pytest
-from conftest import Mpsnet
 from synthetic import shaded_sphere, write_file
 
 from mpsnet_core.capture.decode import read_correction
@@ -214,7 +213,7 @@ class TestCommand:
         light = noisy(before(image, wall(level=0.003), mask))
         return write_file(tmp_path / "photo.exr", light, "half"), mask
 
-    def test_mask_and_overlay(self, tmp_path: Path, mpsnet: Mpsnet, photo: tuple[Path, np.ndarray]) -> None:
+    def test_mask_and_overlay(self, tmp_path: Path, mpsnet, photo: tuple[Path, np.ndarray]) -> None:
         out, overlay = tmp_path / "mask.png", tmp_path / "overlay.png"
         done = mpsnet("mask", photo[0], "-o", out, "--overlay", overlay, "--progress", "json")
         assert (done.returncode, done.stderr) == (0, "")
@@ -239,9 +238,7 @@ class TestCommand:
         ],
         ids=lambda value: " ".join(value) if isinstance(value, list) else "",
     )
-    def test_bad_input(
-        self, tmp_path: Path, mpsnet: Mpsnet, photo: tuple[Path, np.ndarray], options: list[str], words: str
-    ) -> None:
+    def test_bad_input(self, tmp_path, mpsnet, photo: tuple[Path, np.ndarray], options: list[str], words: str) -> None:
         write_file(tmp_path / "small.png", np.zeros((8, 8, 3)), "uint8")
         kinds = [o if o.startswith("--") or ":" in o or o == "alpha" else str(tmp_path / o) for o in options]
         kinds = [o.replace("background:", f"background:{tmp_path}/") if o != "background:" else o for o in kinds]

@@ -520,9 +520,7 @@ def turning(corners: list[list[list[float]]]) -> list[list[list[float]]]:
     [as_strips, as_fans, without_indices, quantised, sparse, morphed(False), morphed(True), instanced, hidden_twins],
     ids=["strips", "fans", "no indices", "quantised", "sparse", "morphed", "morphed by nodes", "instanced", "hidden"],
 )
-def test_glb_is_the_same_in_other_words(
-    tmp_path: Path, edit: Callable[[dict[str, Any], bytes], bytes], caplog: pytest.LogCaptureFixture
-) -> None:
+def test_glb_is_the_same_in_other_words(tmp_path, edit: Callable[[dict[str, Any], bytes], bytes], caplog) -> None:
     mesh = read_mesh(edited(glb(tmp_path / "mesh.glb", normals=True), edit))
     expected = turning(fan(LEFT, RIGHT))
     assert np.array(turning(corners_of(mesh))) == pytest.approx(np.array(expected), abs=2e-5)
@@ -582,9 +580,7 @@ def test_tangents_of_a_mirrored_node_turn_with_it(tmp_path: Path) -> None:
         ({"extensionsRequired": ["X_bent"]}, "X_bent is needed to read it, which is not known"),
     ],
 )
-def test_what_of_a_glb_is_left_out_is_said(
-    tmp_path: Path, said: dict[str, Any], words: str, caplog: pytest.LogCaptureFixture
-) -> None:
+def test_what_of_a_glb_is_left_out_is_said(tmp_path, said: dict[str, Any], words: str, caplog) -> None:
     caplog.set_level("INFO")
     path = glb(tmp_path / "mesh.glb", normals=True)
     change_header(path, lambda header: header.update(said))

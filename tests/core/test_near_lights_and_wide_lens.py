@@ -241,9 +241,7 @@ def test_directions_that_contradict_the_positions_are_refused(close: Scene) -> N
 
 
 @pytest.mark.parametrize("factor", [0.5, 2])
-def test_the_camera_of_the_photo_at_another_size_is_scaled(
-    bench: Path, close: Scene, capsys: pytest.CaptureFixture[str], factor: float
-) -> None:
+def test_the_camera_of_the_photo_at_another_size_is_scaled(bench: Path, close: Scene, capsys, factor: float) -> None:
     size = round(factor * SIZE)
     write_camera(bench / "other.json", close.camera.resized(size, size))
     found = []

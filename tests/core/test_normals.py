@@ -64,9 +64,7 @@ def test_what_is_not_finite_inside_the_mask_is_refused(spoilt: float) -> None:
     ("name", "bits", "degrees"),
     [("n.png", 16, 0.0016), ("n.png", 8, 0.4), ("n.tif", 16, 0.0016), ("n.exr", 32, 1e-4), ("n.exr", 16, 0.06)],
 )
-def test_files_give_the_normals_back(
-    tmp_path: Path, sphere: Sphere, name: str, bits: int, degrees: float, convention: str
-) -> None:
+def test_files_give_the_normals_back(tmp_path, sphere, name: str, bits: int, degrees: float, convention: str) -> None:
     write_normals(tmp_path / name, NormalMap(sphere.normals, sphere.mask), convention=convention, bits=bits)
     back = read_normals(tmp_path / name, convention=convention)
     np.testing.assert_array_equal(back.mask, sphere.mask)

@@ -94,9 +94,7 @@ def test_operations_explain_their_options(kind: type[Operation]) -> None:
         assert not setting.option.help or (f"\n{setting.name} : " in text and setting.option.help in text)
 
 
-def test_run_shows_a_bar_only_where_somebody_watches(
-    photo_file: Path, rig_file: Path, capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_run_shows_a_bar_only_where_somebody_watches(photo_file, rig_file, capfd, monkeypatch) -> None:
     estimate = mpsnet_core.Estimate(
         image=(str(photo_file),), rig=str(rig_file), model="lambertian", output=str(photo_file.with_suffix(".png"))
     )

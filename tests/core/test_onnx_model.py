@@ -42,9 +42,7 @@ def difference(a: np.ndarray, b: np.ndarray) -> float:
     return float(np.abs(a - b).max())
 
 
-def test_onnxruntime_says_nothing_of_a_graph_whose_names_are_no_text(
-    tmp_path: Path, capfd: pytest.CaptureFixture[str]
-) -> None:
+def test_onnxruntime_says_nothing_of_a_graph_whose_names_are_no_text(tmp_path, capfd) -> None:
     path = tmp_path / "net.onnx"
     pass_through(path)
     path.write_bytes(path.read_bytes().replace(b"normals", b"normal\x80"))
@@ -158,9 +156,7 @@ def test_what_the_photo_holds_outside_the_mask_does_not_matter(tmp_path: Path, o
     ("asked", "full_name"),
     [("cuda", "CUDAExecutionProvider"), ("directml", "DmlExecutionProvider"), ("coreml", "CoreMLExecutionProvider")],
 )
-def test_a_provider_that_is_not_there_is_refused_with_those_that_are(
-    tmp_path: Path, asked: str, full_name: str
-) -> None:
+def test_a_provider_that_is_not_there_is_refused_with_those_that_are(tmp_path, asked: str, full_name: str) -> None:
     if full_name in onnxruntime.get_available_providers():
         pytest.skip(f"this onnxruntime has {full_name}")
     with pytest.raises(InputError, match=f"provider '{asked}' is not in this onnxruntime; choose .*cpu"):

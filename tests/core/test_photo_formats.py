@@ -86,9 +86,7 @@ def test_a_webp_stands_upright(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("name", ["photo.heic", "photo.jpg"])
 @pytest.mark.parametrize("kind", ["HEIC", "AVIF"])
-def test_photos_of_phones_are_read_by_an_extra_or_named(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str, kind: str
-) -> None:
+def test_photos_of_phones_are_read_by_an_extra_or_named(tmp_path, monkeypatch, name: str, kind: str) -> None:
     heif = pytest.importorskip("pillow_heif")
     from PIL import Image
 

@@ -127,9 +127,7 @@ def test_tiled_and_untiled_agree_in_turned_frames(tmp_path: Path, ragged: Captur
     np.testing.assert_allclose(tiled.confidence, untiled.confidence, rtol=0, atol=1e-4)
 
 
-def test_how_many_rows_of_the_photo_are_read_at_a_time_does_not_matter(
-    tmp_path: Path, ragged: Capture, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_how_many_rows_of_the_photo_are_read_at_a_time_does_not_matter(tmp_path, ragged: Capture, monkeypatch) -> None:
     model = OnnxModel(sees_all(tmp_path / "n.onnx"))
     at_once = model(ragged)
     monkeypatch.setattr(dense, "READ_AT_ONCE", 1000)

@@ -93,9 +93,7 @@ def test_three_passes_are_better_than_one_on_the_mean_of_eight_scenes() -> None:
     assert np.mean(errors[3]) < np.mean(errors[1])
 
 
-def test_a_still_is_averaged_and_the_quick_model_is_one_pass_under_its_old_name_too(
-    caplog: pytest.LogCaptureFixture,
-) -> None:
+def test_a_still_is_averaged_and_the_quick_model_is_one_pass_under_its_old_name_too(caplog) -> None:
     capture, ours = upright()
     once, thrice = estimate_normals(capture, passes=1), estimate_normals(capture, passes=3)
     np.testing.assert_array_equal(ours.vectors, thrice.vectors)

@@ -282,9 +282,7 @@ def test_a_resumed_run_ends_with_the_same_bits(network: str, samples: Path, tmp_
     assert not all(torch.equal(weights[0][name], weights[2][name]) for name in weights[0])
 
 
-def test_a_run_goes_on_with_other_samples_and_says_so(
-    ball: Path, samples: Path, tmp_path: Path, caplog: pytest.LogCaptureFixture
-) -> None:
+def test_a_run_goes_on_with_other_samples_and_says_so(ball: Path, samples: Path, tmp_path, caplog) -> None:
     of, checkpoint = recipe("demultiplexer", crop=16), tmp_path / "c"
     run(of, ball, checkpoint, stop_after=3)
     run(of, ball, checkpoint, resume=checkpoint, stop_after=4)

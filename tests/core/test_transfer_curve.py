@@ -70,9 +70,7 @@ def test_what_the_user_or_the_file_says_is_not_doubted(
 
 
 @pytest.mark.parametrize("mask", ["alpha-or-auto", "none", "threshold:0.3"])
-def test_the_mask_is_as_for_linear_values_and_reported_once(
-    tmp_path: Path, sphere: Sphere, caplog: pytest.LogCaptureFixture, mask: str
-) -> None:
+def test_the_mask_is_as_for_linear_values_and_reported_once(tmp_path, sphere, caplog, mask: str) -> None:
     photo = written(tmp_path / "photo.png", sphere.image)
     caplog.set_level("INFO")
     capture = read_capture(photo, sphere.rig, mask=mask)
@@ -92,9 +90,7 @@ def test_a_white_photo_is_taken_as_the_photo_is(tmp_path: Path, sphere: Sphere) 
     assert np.abs(capture.white - grey)[capture.mask].max() < 0.02
 
 
-def test_with_a_dark_frame_that_was_read_as_srgb_there_is_only_a_warning(
-    tmp_path: Path, sphere: Sphere, caplog: pytest.LogCaptureFixture
-) -> None:
+def test_with_a_dark_frame_that_was_read_as_srgb_there_is_only_a_warning(tmp_path, sphere, caplog) -> None:
     photo = written(tmp_path / "photo.png", sphere.image)
     correction = read_correction(written(tmp_path / "dark.png", 0 * sphere.image))
     capture = read_capture(photo, sphere.rig, mask="threshold:0.02", correction=correction)

@@ -11,7 +11,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from conftest import Mpsnet
 from synthetic import Sphere, listing, write_file
 
 from mpsnet_core.capture.open import Source
@@ -243,9 +242,7 @@ def test_colours_that_cannot_be_converted_get_one_sentence(tmp_path: Path) -> No
         frame.source.photo()
 
 
-def test_a_size_beyond_reason_is_refused_before_memory_is_asked_for(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_size_beyond_reason_is_refused_before_memory_is_asked_for(tmp_path, monkeypatch) -> None:
     path = clip(tmp_path / "a.mkv", noise(1))
     monkeypatch.setattr("mpsnet_core.estimate.sequence.video.MAX_PIXELS", WIDTH * HEIGHT - 1)
     with pytest.raises(InputError, match=r"a\.mkv is 40 x 24, above"):
@@ -260,7 +257,7 @@ def spheres(sphere: Sphere, count: int) -> list[np.ndarray]:
     return [np.rint(np.clip(sphere.image * (0.5 + 0.05 * k), 0, 1) * 65535).astype(np.uint16) for k in range(count)]
 
 
-def test_a_video_becomes_numbered_normal_maps(tmp_path: Path, mpsnet: Mpsnet, rig_file: Path, sphere: Sphere) -> None:
+def test_a_video_becomes_numbered_normal_maps(tmp_path: Path, mpsnet, rig_file: Path, sphere: Sphere) -> None:
     path = clip(tmp_path / "turn.mkv", spheres(sphere, 5), "ffv1", "gbrp16le", color_trc=8)
     mask = write_file(tmp_path / "mask.png", sphere.mask, "uint8")
     command = ["estimate", path, "--rig", rig_file, "--model", "lambertian", "--mask", mask, "-o", tmp_path / "out"]
@@ -289,7 +286,7 @@ def test_a_video_becomes_numbered_normal_maps(tmp_path: Path, mpsnet: Mpsnet, ri
     ],
 )
 def test_options_that_do_not_go_with_a_video(
-    tmp_path: Path, mpsnet: Mpsnet, rig_file: Path, sphere: Sphere, arguments: list[str], words: str
+    tmp_path: Path, mpsnet, rig_file: Path, sphere: Sphere, arguments: list[str], words: str
 ) -> None:
     path = clip(tmp_path / "turn.mkv", spheres(sphere, 1), "ffv1", "gbrp16le", color_trc=8)
     done = mpsnet("estimate", path, "--rig", rig_file, "-o", tmp_path / "out", *arguments)

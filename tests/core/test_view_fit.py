@@ -93,8 +93,6 @@ def test_a_wrong_axis_or_unit_is_named(place: tuple[float, float], caplog: pytes
 
 @pytest.mark.parametrize("turned", [90, 180])
 @pytest.mark.parametrize("place", VIEWS)
-def test_another_camera_than_the_photos_is_said(
-    place: tuple[float, float], turned: float, caplog: pytest.LogCaptureFixture
-) -> None:
+def test_another_camera_than_the_photos_is_said(place: tuple[float, float], turned: float, caplog) -> None:
     view = replace(seen(place), camera=looking(place[0] + turned, place[1]))
     assert "check that camera, photo and mesh belong together" in said(view, mesh(30), caplog)

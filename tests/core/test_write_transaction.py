@@ -136,9 +136,7 @@ class Failing:
 
 
 @pytest.mark.parametrize(("step", "links"), [("fsync", True), ("replace", True), ("replace", False)])
-def test_whichever_step_fails_all_is_as_it_was(
-    verb: Verb, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, step: str, links: bool
-) -> None:
+def test_whichever_step_fails_all_is_as_it_was(verb: Verb, tmp_path, monkeypatch, step: str, links: bool) -> None:
     """Each file's writing to the disk, or its renaming, in turn; also on a disk that knows no second names."""
     if not links:
         monkeypatch.setattr(os, "link", Failing(None, 0))

@@ -4,7 +4,8 @@ does what it is asked to.
 Arguments: the JSON file to write the state to, the JSON file of the request, and "unfolded" where no panel shall be
 folded at first. A request is [number, verb, argument...] with
 "clear" (empty the clipboard), "invoke" (an operator with settings, as its button does), "set" (settings of a step),
-"photo" (open one from a file), "alone" (take all other panels away), "run" (Python, for what a person does elsewhere in Blender) and "quit".
+"photo" (open one from a file), "alone" (take all other panels away), "run" (Python, for what a person does elsewhere in
+Blender) and "quit".
 """
 
 import contextlib
