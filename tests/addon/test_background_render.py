@@ -14,10 +14,7 @@ import pytest
 
 from blender_addon.child_process.core_process import CoreProcess
 from blender_addon.photo.background_render import rendering_blender, written_job
-from mpsnet_core.errors import InputError
-from mpsnet_core.io.image_writing import write_image
-from mpsnet_core.scene.camera import read_camera
-from mpsnet_core.scene.rig import read_rig
+from mpsnet_core import InputError, read_camera, read_rig, write_image
 
 from .rendering import pixels, shader_of
 from .test_photo import everything, glowing

@@ -8,9 +8,7 @@ from mathutils import Matrix, Vector
 
 from blender_addon.rig.light_rig import light_rig
 from blender_addon.scene.mesh_file import begin_mesh
-from mpsnet_core import angular_error, read_normals
-from mpsnet_core.errors import InputError
-from mpsnet_core.scene.mesh import read_mesh
+from mpsnet_core import InputError, angular_error, read_mesh, read_normals
 
 from .rendering import matte, pixels, shader_of
 from .test_photo import sphere_normals

@@ -15,11 +15,7 @@ from mesh_file import write_mesh
 from synthetic import degrees_between
 
 from blender_addon.images import pixels_of
-from mpsnet_core.bake.bake import View, bake_normals
-from mpsnet_core.scene.camera import Camera
-from mpsnet_core.scene.mesh import Mesh, read_mesh
-from mpsnet_core.scene.normal_map import NormalMap
-from mpsnet_core.scene.texture import write_texture
+from mpsnet_core import Camera, Mesh, NormalMap, View, bake_normals, read_mesh, write_texture
 
 from .rendering import array_of, nodes_of, pixels, write_exr_files
 

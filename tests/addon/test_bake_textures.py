@@ -11,9 +11,7 @@ import pytest
 from blender_addon.bake.texture_owners import refuse_other_projects
 from blender_addon.image_records import remember
 from blender_addon.images import load_frames, load_image
-from mpsnet_core import Camera, NormalMap, write_camera, write_normals
-from mpsnet_core.arrays.unit_vectors import angular_error
-from mpsnet_core.errors import InputError
+from mpsnet_core import Camera, InputError, NormalMap, angular_error, write_camera, write_normals
 
 from .rendering import array_of, matte, rendered
 

@@ -11,8 +11,7 @@ from mirror_ball import Scene, around, grey_photograph, lamps_around, photograph
 from synthetic import degrees_between
 
 from blender_addon.panels.lights import lacks_of_mixing
-from mpsnet_core.io.image_writing import write_image
-from mpsnet_core.scene.rig import LightRig, read_rig, write_rig
+from mpsnet_core import LightRig, read_rig, write_image, write_rig
 
 ANGLES = [(35, 80), (50, 200), (42, 320)]
 LIGHTS = np.array([around(*angle) for angle in ANGLES])

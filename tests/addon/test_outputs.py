@@ -13,12 +13,8 @@ from blender_addon.panels.estimate import MPS_PT_estimate
 from blender_addon.panels.step import Kind
 from blender_addon.settings.record import notes_of
 from blender_addon.settings.scene import STEPS
-from mpsnet_core.errors import InputError
+from mpsnet_core import InputError, published_rig, read_camera, read_normals, read_rig, write_image, write_rig
 from mpsnet_core.io.image_reading import read_data
-from mpsnet_core.io.image_writing import write_image
-from mpsnet_core.scene.camera import read_camera
-from mpsnet_core.scene.normal_map import read_normals
-from mpsnet_core.scene.rig import published_rig, read_rig, write_rig
 
 
 def test_the_photo_keeps_the_rig_and_camera_it_was_taken_with(photographed, scene, tmp_path):

@@ -10,10 +10,8 @@ import pytest
 
 from blender_addon.training.samples.objects import open_objects
 from blender_addon.training.samples.render import render_sample
+from mpsnet_core import Camera, InputError, published_rig
 from mpsnet_core.arrays.unit_vectors import angular_error, normalised
-from mpsnet_core.errors import InputError
-from mpsnet_core.scene.camera import Camera
-from mpsnet_core.scene.rig import published_rig
 from mpsnet_core.synthesis.cycles import sample_from_cycles
 from mpsnet_core.synthesis.scene_description import Bump, Material, Pattern, SceneDescription
 from mpsnet_core.synthesis.shading.pattern import material_weights

@@ -10,12 +10,7 @@ import pytest
 from blender_addon.bake.animated_mesh import AnimatedMesh
 from blender_addon.scene.mesh_file import begin_mesh
 from blender_addon.settings.record import notes_of
-from mpsnet_core.errors import InputError
-from mpsnet_core.io.image_reading import read_image
-from mpsnet_core.io.image_writing import write_image
-from mpsnet_core.scene.camera import read_camera
-from mpsnet_core.scene.normal_map import read_normals
-from mpsnet_core.scene.rig import published_rig, write_rig
+from mpsnet_core import InputError, published_rig, read_camera, read_image, read_normals, write_image, write_rig
 
 NUMBERS = range(8, 12)
 

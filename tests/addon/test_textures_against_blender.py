@@ -10,11 +10,7 @@ from mathutils import Matrix, Vector
 from synthetic import degrees_between
 
 from blender_addon.images import pixels_of
-from mpsnet_core.bake.bake import bake_texture_sets
-from mpsnet_core.bake.settings import BakeSettings
-from mpsnet_core.io.image_writing import write_image
-from mpsnet_core.scene.mesh import Labels, Mesh
-from mpsnet_core.scene.texture import Texture
+from mpsnet_core import BakeSettings, Labels, Mesh, Texture, bake_texture_sets, write_image
 from mpsnet_core.scene.texture_sets import TextureSet, texture_sets
 
 from .rendering import array_of, nodes_of

@@ -10,10 +10,8 @@ from mathutils import Matrix, Vector
 
 from blender_addon.bake.many_views import _with_photos
 from blender_addon.panels.views import MPS_PT_views
+from mpsnet_core import read_albedo, read_image, write_image
 from mpsnet_core.arrays.unit_vectors import angular_error, normalised
-from mpsnet_core.estimate.albedo import read_albedo
-from mpsnet_core.io.image_reading import read_image
-from mpsnet_core.io.image_writing import write_image
 from mpsnet_core.scene.normal_encoding import read_vectors
 
 from .rendering import shader_of

@@ -21,9 +21,7 @@ from blender_addon.panels.start import MPS_PT_start
 from blender_addon.panels.step import Kind, Step
 from blender_addon.scene.camera import scene_camera
 from blender_addon.settings.record import notes_of
-from mpsnet_core.io.image_writing import write_image
-from mpsnet_core.scene.camera import read_camera
-from mpsnet_core.scene.rig import read_rig
+from mpsnet_core import read_camera, read_rig, write_image
 
 from .rendering import STATUE
 

@@ -8,8 +8,7 @@ from live import STEP
 from mirror_ball import CROSSTALK, Scene, around, grey_photograph, lamps_around, photograph
 from synthetic import degrees_between
 
-from mpsnet_core.io.image_writing import write_image
-from mpsnet_core.scene.rig import read_rig
+from mpsnet_core import read_rig, write_image
 from mpsnet_core.synthesis.job import sample_path, samples_there
 
 

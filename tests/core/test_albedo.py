@@ -11,12 +11,8 @@ from bad_input import SPHERE, gets_one_clear_sentence
 from sphere_sample import sphere_sample
 from synthetic import CROSSTALK, Sphere, shaded_sphere, write_file
 
-from mpsnet_core.capture.capture import Capture
-from mpsnet_core.capture.open import read_capture
-from mpsnet_core.estimate.albedo import albedo_from_white, read_albedo, write_albedo
+from mpsnet_core import Camera, Capture, NormalMap, albedo_from_white, read_albedo, read_capture, write_albedo
 from mpsnet_core.estimate.distant_lights import convert_to_distant_view
-from mpsnet_core.scene.camera import Camera
-from mpsnet_core.scene.normal_map import NormalMap
 from mpsnet_core.scene.rig import LightRig, direction_from_angles, near_rig, write_rig
 
 OCHRE, TEAL = np.array([0.7, 0.42, 0.15]), np.array([0.1, 0.35, 0.4])

@@ -6,11 +6,8 @@ import numpy as np
 import pytest
 from synthetic import CROSSTALK, shaded_sphere, write_file
 
-from mpsnet_core.capture.capture import Capture
+from mpsnet_core import Capture, LightRig, NormalMap, estimate_normals, published_rig, write_rig
 from mpsnet_core.estimate.ambient_light import shadow_brightness, warn_of_ambient_light
-from mpsnet_core.estimate.estimator import estimate_normals
-from mpsnet_core.scene.normal_map import NormalMap
-from mpsnet_core.scene.rig import LightRig, published_rig, write_rig
 
 RIG = LightRig(published_rig(45).directions)
 BALL = shaded_sphere(200, RIG)

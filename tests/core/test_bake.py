@@ -10,13 +10,9 @@ from surface_shapes import camera_looking, first_on_sphere, sphere_mesh, sphere_
 from synthetic import degrees_between
 from uv_squares import squares
 
+from mpsnet_core import Camera, Mesh, NormalMap, Texture, View, bake_normals, join_meshes
 from mpsnet_core.bake import bake
-from mpsnet_core.bake.bake import View, bake_normals
 from mpsnet_core.errors import Cancelled, InputError
-from mpsnet_core.scene.camera import Camera
-from mpsnet_core.scene.mesh import Mesh, join_meshes
-from mpsnet_core.scene.normal_map import NormalMap
-from mpsnet_core.scene.texture import Texture
 
 
 def affine(scale: tuple[float, float, float], place: tuple[float, float, float] = (0.4, -2.0, 1.0)) -> np.ndarray:

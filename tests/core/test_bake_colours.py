@@ -12,14 +12,10 @@ from plane_views import SIX_SIDES, SIZE, plane
 from progress_lines import events
 from surface_shapes import camera_looking, sphere_mesh, sphere_view, texels_of
 
-from mpsnet_core import read_camera, read_normals
+from mpsnet_core import BakeSettings, Camera, Mesh, read_camera, read_normals, write_albedo, write_camera
 from mpsnet_core.bake.bake import View, bake_normals, bake_texture_sets
-from mpsnet_core.bake.settings import BakeSettings
 from mpsnet_core.bake.view_agreement import matched_views
-from mpsnet_core.estimate.albedo import write_albedo
 from mpsnet_core.io.image import linear_to_srgb
-from mpsnet_core.scene.camera import Camera, write_camera
-from mpsnet_core.scene.mesh import Mesh
 from mpsnet_core.scene.normal_map import NormalMap, write_normals
 from mpsnet_core.scene.texture_sets import texture_sets
 

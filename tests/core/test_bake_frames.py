@@ -10,10 +10,9 @@ from mesh_file import write_mesh
 from surface_shapes import camera_looking, sphere_mesh, sphere_view
 from synthetic import left_by, listing
 
+from mpsnet_core import NormalMap, write_camera, write_normals
 from mpsnet_core.cli import main
 from mpsnet_core.io.image_reading import image_description
-from mpsnet_core.scene.camera import write_camera
-from mpsnet_core.scene.normal_map import NormalMap, write_normals
 
 NUMBERS = (7, 8, 10)
 

@@ -19,9 +19,8 @@ from ball_scene import CIRCLE, MIDDLE, SCENE
 from mirror_ball import CROSSTALK, Scene, around, grey_photograph, lamps_around, photograph
 from synthetic import degrees_between, listing, write_file
 
+from mpsnet_core import Camera, read_image, write_camera
 from mpsnet_core.cli import main
-from mpsnet_core.io.image_reading import read_image
-from mpsnet_core.scene.camera import Camera, write_camera
 from mpsnet_core.scene.rig import LightRig, read_rig, write_lp, write_rig
 
 ANGLES = [(30, 90), (35, 205), (25, 335)]

@@ -8,14 +8,13 @@ from external_data import external_data
 from mirror_ball import CROSSTALK, Scene, around, developed, grey_photograph, lamps_around, photograph, taken
 from synthetic import degrees_between
 
+from mpsnet_core import InputError, read_image, read_mask
 from mpsnet_core.arrays.unit_vectors import normalised
 from mpsnet_core.calibrate.ball import Circle, ball_from_circle, ball_from_mask, fit_ball
 from mpsnet_core.calibrate.circles import find_balls
 from mpsnet_core.calibrate.highlights import Highlight, find_coloured_highlights, find_highlight
 from mpsnet_core.calibrate.lights import LightsFound, Sighting, find_lights
-from mpsnet_core.errors import InputError
 from mpsnet_core.io.image import Image
-from mpsnet_core.io.image_reading import read_image, read_mask
 from mpsnet_core.scene.camera import Camera, pixel_camera
 
 pytestmark = pytest.mark.accuracy

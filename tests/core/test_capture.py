@@ -8,15 +8,9 @@ from bad_input import NAN, SPHERE, gets_one_clear_sentence, loop, with_pixel
 from numpy.typing import ArrayLike
 from synthetic import Sphere, write_file
 
-from mpsnet_core.arrays.unit_vectors import angular_error
-from mpsnet_core.capture.capture import Capture
-from mpsnet_core.capture.open import read_capture
+from mpsnet_core import Camera, Capture, angular_error, estimate_normals, published_rig, read_capture, write_image
 from mpsnet_core.errors import FileError, GeometryError
-from mpsnet_core.estimate.estimator import estimate_normals
 from mpsnet_core.io import image
-from mpsnet_core.io.image_writing import write_image
-from mpsnet_core.scene.camera import Camera
-from mpsnet_core.scene.rig import published_rig
 
 STRIPES = np.float32([[0.5, 1.0, 0.7, 0.9]] * 4)
 

@@ -18,13 +18,8 @@ from numpy.typing import NDArray
 from progress_lines import events
 from synthetic import Sphere, degrees_between, listing, named, write_file, write_parts
 
-from mpsnet_core.capture.open import read_capture
+from mpsnet_core import Operation, estimate_normals, read_capture, read_mesh, read_normals, read_rig
 from mpsnet_core.cli.command import EXAMPLES, OPERATIONS, argument_parser
-from mpsnet_core.estimate.estimator import estimate_normals
-from mpsnet_core.operation import Operation
-from mpsnet_core.scene.mesh import read_mesh
-from mpsnet_core.scene.normal_map import read_normals
-from mpsnet_core.scene.rig import read_rig
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="a POSIX shell")

@@ -9,11 +9,8 @@ import numpy as np
 import pytest
 from synthetic import Sphere, degrees_between, shaded_sphere, write_file
 
+from mpsnet_core import InputError, near_rig, read_image, read_normals, write_rig
 from mpsnet_core.capture.decode import Correction, corrected, read_correction
-from mpsnet_core.errors import InputError
-from mpsnet_core.io.image_reading import read_image
-from mpsnet_core.scene.normal_map import read_normals
-from mpsnet_core.scene.rig import near_rig, write_rig
 
 SIDE = 64
 

@@ -9,14 +9,10 @@ from mesh_file import write_mesh
 from surface_shapes import camera_looking, sphere_mesh, sphere_view
 from synthetic import degrees_between, write_file
 
-from mpsnet_core.bake.bake import View, bake_normals
+from mpsnet_core import Mesh, NormalMap, Texture, View, bake_normals, write_camera, write_normals
 from mpsnet_core.bake.base_maps import blend_detail, read_base_map, reoriented
 from mpsnet_core.cli import main
-from mpsnet_core.scene.camera import write_camera
-from mpsnet_core.scene.mesh import Mesh
 from mpsnet_core.scene.normal_encoding import encode
-from mpsnet_core.scene.normal_map import NormalMap, write_normals
-from mpsnet_core.scene.texture import Texture
 
 FLAT = np.array([0, 0, 1.0])
 

@@ -10,14 +10,11 @@ from mesh_file import write_mesh
 from relief_shapes import cube_sphere, tangent_normals, waves
 from surface_shapes import grid_triangles, sphere_mesh, texels_of
 
+from mpsnet_core import InputError, Mesh, join_meshes, read_height, write_height, write_image
 from mpsnet_core.cli import main
-from mpsnet_core.errors import InputError
-from mpsnet_core.io.image_writing import write_image
 from mpsnet_core.relief.displacement.displacement import Displacement, displacement
 from mpsnet_core.relief.displacement.height_constraints import object_normals
 from mpsnet_core.relief.displacement.uv_layout import layout_of
-from mpsnet_core.relief.height_files import read_height, write_height
-from mpsnet_core.scene.mesh import Mesh, join_meshes
 from mpsnet_core.scene.normal_encoding import encode
 
 SIZE = 128

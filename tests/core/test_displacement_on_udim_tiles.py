@@ -11,13 +11,10 @@ from mesh_file import write_mesh
 from relief_shapes import cube_sphere, tangent_normals
 from uv_squares import squares
 
+from mpsnet_core import InputError, Mesh, read_height, write_image
 from mpsnet_core.cli import main
-from mpsnet_core.errors import InputError
 from mpsnet_core.io.image_reading import read_channel
-from mpsnet_core.io.image_writing import write_image
 from mpsnet_core.relief.displacement.uv_layout import Tiles
-from mpsnet_core.relief.height_files import read_height
-from mpsnet_core.scene.mesh import Mesh
 from mpsnet_core.scene.normal_encoding import encode
 
 SIZE = 64

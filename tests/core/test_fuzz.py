@@ -22,13 +22,10 @@ from hypothesis import strategies as st
 from odd_input import WORDS, odd_picture, odd_pixels, spoilt
 from workshop import READS, SIDE, SPHERE, VERBS, fill
 
+from mpsnet_core import InputError, read_cameras, read_height, read_sample
 from mpsnet_core.cli import main
 from mpsnet_core.cli.command import argument_parser
-from mpsnet_core.errors import InputError
-from mpsnet_core.relief.height_files import read_height
-from mpsnet_core.scene.photogrammetry import read_cameras
 from mpsnet_core.synthesis.reflectance.measured import read_fits
-from mpsnet_core.synthesis.sample import read_sample
 
 pytestmark = pytest.mark.long
 

@@ -14,10 +14,9 @@ from bad_input import SPHERE, Bench, cut, gets_one_clear_sentence
 from png_chunks import png_chunk, with_chunks
 from synthetic import listing, named, write_file, write_parts
 
-from mpsnet_core.errors import InputError, SettingsError
+from mpsnet_core import InputError, SettingsError, write_image
 from mpsnet_core.io.image import linear_to_srgb
 from mpsnet_core.io.image_reading import image_layers, read_data, read_image, read_mask, read_size
-from mpsnet_core.io.image_writing import write_image
 
 # IEC 61966-2-1 by hand: stored value, linear value.
 SRGB = {0.0: 0.0, 0.04: 0.04 / 12.92, 0.5: 0.2140411, 0.735357: 0.5, 1.0: 1.0}

@@ -8,11 +8,9 @@ import pytest
 from height_shapes import ball, orthographic
 from synthetic import listing, write_file
 
-from mpsnet_core import Camera, read_image, read_mesh, write_camera, write_normals
+from mpsnet_core import Camera, NormalMap, read_height, read_image, read_mesh, write_camera, write_normals
 from mpsnet_core.cli import main
 from mpsnet_core.io.image_reading import read_channel
-from mpsnet_core.relief.height_files import read_height
-from mpsnet_core.scene.normal_map import NormalMap
 
 BALL = ball(orthographic(64, 72, 16), (0, 0, 0), 3.5)  # larger than the picture: no rim
 NEAR = ball(Camera("perspective", 72, 64, (100.0, 100.0)), (0, 0, -6), 2.6)

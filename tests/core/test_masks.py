@@ -10,13 +10,9 @@ import OpenImageIO as oiio
 import pytest
 from synthetic import shaded_sphere, write_file
 
-from mpsnet_core.capture.decode import read_correction
+from mpsnet_core import InputError, published_rig, read_capture, read_correction, read_image, read_mask
 from mpsnet_core.capture.masks import MaskNotes, auto_mask, background_mask, find_mask, threshold_mask
-from mpsnet_core.capture.open import read_capture
-from mpsnet_core.errors import InputError
 from mpsnet_core.io.image import Image
-from mpsnet_core.io.image_reading import read_image, read_mask
-from mpsnet_core.scene.rig import published_rig
 
 SIDE = 200
 

@@ -17,9 +17,8 @@ from mesh_file import write_mesh
 from surface_shapes import sphere_mesh
 from synthetic import degrees_between
 
-from mpsnet_core import View, bake_normals, read_camera, read_normals
+from mpsnet_core import InputError, View, bake_normals, read_camera, read_normals
 from mpsnet_core.arrays.polygon_triangulation import triangulated
-from mpsnet_core.errors import InputError
 from mpsnet_core.scene.mesh import Mesh, Up, read_mesh, shared_normals
 
 # Two squares side by side, the right one bent up; each has UVs of its own.

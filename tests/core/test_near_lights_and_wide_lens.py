@@ -10,16 +10,13 @@ from near_scene import NEAR, SIZE, WIDE, Scene, ball
 from networks import pass_through
 from synthetic import CROSSTALK, degrees_between, write_file
 
-from mpsnet_core.capture.capture import Capture
+from mpsnet_core import Camera, Capture, estimate_normals, read_normals, write_camera
 from mpsnet_core.capture.open import PhotoSet, Source, read_capture
 from mpsnet_core.cli import main
 from mpsnet_core.errors import InputError, NoObject
 from mpsnet_core.estimate.distant_lights import convert_to_distant_view
-from mpsnet_core.estimate.estimator import estimate_normals
 from mpsnet_core.io.image import Image
-from mpsnet_core.scene.camera import Camera, write_camera
 from mpsnet_core.scene.mesh import Mesh, shared_normals
-from mpsnet_core.scene.normal_map import read_normals
 from mpsnet_core.scene.rays import RayScene, depth_of_mesh
 from mpsnet_core.scene.rig import LightRig, near_rig, published_rig, read_rig, write_rig
 

@@ -10,10 +10,8 @@ import pytest
 from bumpy_sphere import unit
 from synthetic import degrees_between, write_file
 
-from mpsnet_core.bake.base_maps import read_base_map
-from mpsnet_core.errors import FormatError
+from mpsnet_core import FormatError, read_base_map, read_normals
 from mpsnet_core.scene.normal_encoding import read_vectors, write_vectors
-from mpsnet_core.scene.normal_map import read_normals
 
 SIDE = 256
 FLAT = np.array([0, 0, 1.0])

@@ -7,9 +7,7 @@ import pytest
 from bad_input import SPHERE, gets_one_clear_sentence
 from synthetic import Sphere, degrees_between, write_file
 
-from mpsnet_core.arrays.unit_vectors import angular_error
-from mpsnet_core.errors import GeometryError
-from mpsnet_core.io.image_writing import write_image
+from mpsnet_core import GeometryError, angular_error, write_image
 from mpsnet_core.scene.normal_encoding import encode, read_vectors
 from mpsnet_core.scene.normal_map import NormalMap, read_normals, stating_the_error, write_normals
 

@@ -10,10 +10,9 @@ import pytest
 from synthetic import Sphere
 
 import mpsnet_core
-from mpsnet_core import Capture, HeightMap, InputError, NormalMap, Operation, Texture, View, normal_errors
+from mpsnet_core import Capture, HeightMap, InputError, NormalMap, Operation, Texture, View, normal_errors, read_image
 from mpsnet_core.cli.command import OPERATIONS
 from mpsnet_core.io.from_files import _own_kinds
-from mpsnet_core.io.image_reading import read_image
 from mpsnet_core.io.shown import LONGEST, Shown
 from mpsnet_core.operation import settings
 from mpsnet_core.progress import remaining_words

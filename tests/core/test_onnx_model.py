@@ -17,12 +17,10 @@ from networks import DENSE, card, conv, pass_through, random_weights, write_mode
 from onnx import TensorProto, helper, numpy_helper
 from synthetic import Sphere, listing, shaded_sphere
 
+from mpsnet_core import Capture, InputError, estimate_normals
 from mpsnet_core.arrays.unit_vectors import normalised
-from mpsnet_core.capture.capture import Capture
-from mpsnet_core.errors import InputError
 from mpsnet_core.estimate.card import CARD_KEY, CARD_VERSION, card_from_metadata
 from mpsnet_core.estimate.dense import PATCHES_A_BATCH
-from mpsnet_core.estimate.estimator import estimate_normals
 from mpsnet_core.estimate.features import feature_maps
 from mpsnet_core.estimate.onnx_model import OnnxModel
 

@@ -8,10 +8,8 @@ import pytest
 from mesh_file import write_mesh
 from surface_shapes import camera_looking, sphere_mesh, sphere_view
 
-from mpsnet_core.bake.presets import PRESETS
+from mpsnet_core import PRESETS, write_camera, write_normals
 from mpsnet_core.cli import main
-from mpsnet_core.scene.camera import write_camera
-from mpsnet_core.scene.normal_map import write_normals
 
 # What the engines' documentation says: the file of an object called HeroHead, whether green is up, bits.
 EXPECTED = {

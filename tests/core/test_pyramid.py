@@ -9,10 +9,9 @@ import pytest
 from networks import hands_on, sees_all
 from synthetic import CROSSTALK, degrees_between
 
-from mpsnet_core.capture.capture import Capture
+from mpsnet_core import Capture, estimate_normals
 from mpsnet_core.errors import Cancelled
 from mpsnet_core.estimate import dense
-from mpsnet_core.estimate.estimator import estimate_normals
 from mpsnet_core.estimate.onnx_model import OnnxModel
 from mpsnet_core.estimate.white_photo import normalise_by_white_photo
 from mpsnet_core.scene.rig import LightRig, direction_from_angles

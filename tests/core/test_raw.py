@@ -8,13 +8,10 @@ import pytest
 from dng import BAYER, X_TRANS, filled_in, mosaic, write_dng
 from synthetic import degrees_between, shaded_sphere
 
-from mpsnet_core.capture.open import read_capture
-from mpsnet_core.errors import InputError
-from mpsnet_core.estimate.estimator import estimate_normals
+from mpsnet_core import InputError, estimate_normals, published_rig, read_capture
 from mpsnet_core.io.frames import expand_images
 from mpsnet_core.io.image_encoding import Encoding
 from mpsnet_core.io.image_reading import read_image, read_size
-from mpsnet_core.scene.rig import published_rig
 
 pytest.importorskip("rawpy")
 

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from synthetic import degrees_between, listing, named, shaded_sphere, write_file, write_parts
 
-from mpsnet_core.capture.capture import Capture
+from mpsnet_core import Capture, NormalMap, read_normals, write_rig
 from mpsnet_core.capture.open import PhotoSet, Source
 from mpsnet_core.errors import Cancelled, InputError
 from mpsnet_core.estimate.estimator import Estimator
@@ -18,8 +18,6 @@ from mpsnet_core.estimate.sequence.run import Outcome, estimate_sequence
 from mpsnet_core.estimate.sequence.source import Frame, Masks, frame_masks, photo_frames
 from mpsnet_core.io.image_reading import image_description
 from mpsnet_core.progress import Progress
-from mpsnet_core.scene.normal_map import NormalMap, read_normals
-from mpsnet_core.scene.rig import write_rig
 
 SPHERE = shaded_sphere(48)
 LAMBERTIAN = Estimator("lambertian")

@@ -8,8 +8,7 @@ from typing import Literal
 import numpy as np
 import pytest
 
-from mpsnet_core.arrays.unit_vectors import angular_error
-from mpsnet_core.capture.capture import Capture
+from mpsnet_core import Capture, NormalMap, Sample, angular_error
 from mpsnet_core.estimate.estimator import Estimator, estimate_normals
 from mpsnet_core.estimate.registry import (
     COMPARISON_FOLDER,
@@ -20,10 +19,8 @@ from mpsnet_core.estimate.registry import (
     registered_models,
 )
 from mpsnet_core.learning.evaluation.scenes import HELD_OUT_SEED, held_out_blob, ideal_photograph, published_view
-from mpsnet_core.scene.normal_map import NormalMap
 from mpsnet_core.scene.rig import direction_from_angles
 from mpsnet_core.synthesis.reflectance import load_reflectance
-from mpsnet_core.synthesis.sample import Sample
 from mpsnet_core.synthesis.scene_description import Material, Pattern, SceneDescription
 from mpsnet_core.synthesis.shading.synthesise import synthesise
 from mpsnet_core.synthesis.shapes import build_shape

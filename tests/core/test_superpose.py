@@ -6,12 +6,9 @@ import numpy as np
 import pytest
 from synthetic import Sphere, degrees_between, write_file
 
-from mpsnet_core.capture.open import read_capture
-from mpsnet_core.capture.superpose import as_channels
+from mpsnet_core import as_channels, estimate_normals, read_capture, read_image
 from mpsnet_core.cli import main
-from mpsnet_core.estimate.estimator import estimate_normals
 from mpsnet_core.io.image import linear_to_srgb
-from mpsnet_core.io.image_reading import read_image
 
 PAINT = np.array([[0.9, 0.2, 0.1], [0.2, 0.4, 0.8]])
 

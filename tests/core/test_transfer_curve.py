@@ -8,14 +8,10 @@ import OpenImageIO as oiio
 import pytest
 from synthetic import Sphere, shaded_sphere
 
-from mpsnet_core import Check, write_rig
-from mpsnet_core.capture.decode import read_correction
-from mpsnet_core.capture.open import read_capture
+from mpsnet_core import Check, LightRig, read_capture, read_correction, read_image, read_mask, write_rig
 from mpsnet_core.capture.transfer import CLOSE, DECIDED, evidence_for_linear
 from mpsnet_core.io.image import linear_to_srgb, srgb_to_linear
 from mpsnet_core.io.image_encoding import Encoding
-from mpsnet_core.io.image_reading import read_image, read_mask
-from mpsnet_core.scene.rig import LightRig
 
 pytestmark = pytest.mark.accuracy
 

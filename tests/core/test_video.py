@@ -13,13 +13,12 @@ import numpy as np
 import pytest
 from synthetic import Sphere, listing, write_file
 
+from mpsnet_core import InputError, read_normals
 from mpsnet_core.capture.open import Source
-from mpsnet_core.errors import InputError
 from mpsnet_core.estimate.sequence.source import Frame, Masks
 from mpsnet_core.estimate.sequence.video import read_video_header, video_frames, video_outputs
 from mpsnet_core.io.frames import is_video
 from mpsnet_core.io.image import srgb_to_linear
-from mpsnet_core.scene.normal_map import read_normals
 
 if find_spec("av") is None:
     pytest.skip("needs PyAV (the extra video)", allow_module_level=True)

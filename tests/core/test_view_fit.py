@@ -8,12 +8,9 @@ import numpy as np
 import pytest
 from surface_shapes import upright
 
+from mpsnet_core import Camera, Mesh, NormalMap, View
 from mpsnet_core.arrays.resampling import gaussian
-from mpsnet_core.bake.projection import View
 from mpsnet_core.bake.view_agreement import warn_of_misfit
-from mpsnet_core.scene.camera import Camera
-from mpsnet_core.scene.mesh import Mesh
-from mpsnet_core.scene.normal_map import NormalMap
 from mpsnet_core.scene.rays import RayScene
 
 SIDE = 160

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 from surface_shapes import camera_looking, sphere_mesh, towards_camera
 
-from mpsnet_core.scene.camera import Camera
-from mpsnet_core.scene.mesh import Mesh
+from mpsnet_core import Camera, Mesh
 from mpsnet_core.scene.rays import RayScene, Visibility
 
 pytestmark = pytest.mark.accuracy

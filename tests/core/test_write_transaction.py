@@ -24,10 +24,8 @@ from height_shapes import ball, orthographic
 from mirror_ball import photograph
 from synthetic import listing, shaded_sphere
 
-from mpsnet_core import write_normals
+from mpsnet_core import write_image, write_normals, write_rig
 from mpsnet_core.cli import main
-from mpsnet_core.io.image_writing import write_image
-from mpsnet_core.scene.rig import write_rig
 
 pytestmark = pytest.mark.long
 
