@@ -15,17 +15,8 @@ from mpsnet_core import NormalMap, View, read_base_map, read_mesh, write_camera,
 from mpsnet_core.arrays.rasterize import texel_coordinates, triangle_of_texel
 from mpsnet_core.cli import main
 
-from .rendering import array_of, save_png
-from .test_bake_against_blender import (
-    SIDES,
-    activate,
-    blenders_bake,
-    core_mesh,
-    normal_view,
-    set_up_cycles,
-    simplified,
-    with_materials,
-)
+from .rendering import activate, array_of, save_png, set_up_cycles, simplified, with_materials
+from .test_bake_against_blender import SIDES, blenders_bake, core_mesh, normal_view
 
 SIZE = 320
 FLAT = np.array([0, 0, 1.0])

@@ -226,22 +226,6 @@ def test_quads_have_blenders_tangents(scene, tmp_path, shape):
     assert np.abs(found.tangents - expected)[holds_texels].max() < 1e-3
 
 
-@pytest.mark.parametrize("written", [written_obj, written_ply], ids=["obj", "ply"])
-@pytest.mark.parametrize("shape", [uv_sphere, monkey, uneven_grid], ids=lambda shape: shape.__name__)
-def test_quads_of_a_file_have_blenders_tangents(scene, tmp_path, shape, written):
-    shape()
-    mesh = bpy.context.object.data
-    mesh.polygons.foreach_set("use_smooth", [True] * len(mesh.polygons))
-    found = written(tmp_path / f"mesh.{written.__name__[-3:]}")
-    mesh.calc_tangents()
-    positions = array_of(mesh.vertices, "co", 3)[[loop.vertex_index for loop in mesh.loops]]
-    theirs = np.concatenate([positions, array_of(mesh.uv_layers.active.data, "uv", 2)], axis=1)
-    ours = np.concatenate([found.vertices[found.triangles], found.uvs], axis=2)
-    apart = np.abs(ours[:, :, None] - theirs).max(axis=-1)
-    assert apart.min(axis=-1).max() < 1e-4
-    assert np.abs(found.tangents[..., :3] - array_of(mesh.loops, "tangent", 3)[apart.argmin(axis=-1)]).max() < 1e-3
-
-
 def test_polygons_beside_quads_have_the_tangents_of_their_triangles(scene, tmp_path):
     """Blender has none for a mesh with such polygons. Sides and caps are flat with even UVs: however they are
     triangulated, a corner's tangent is the same."""

@@ -13,18 +13,8 @@ from blender_addon.images import pixels_of
 from mpsnet_core import BakeSettings, Labels, Mesh, Texture, bake_texture_sets, write_image
 from mpsnet_core.scene.texture_sets import TextureSet, texture_sets
 
-from .rendering import array_of, nodes_of
-from .test_bake_against_blender import (
-    SIDES,
-    activate,
-    core_mesh,
-    detailed_object,
-    normal_view,
-    normals_of,
-    set_up_cycles,
-    simplified,
-    with_materials,
-)
+from .rendering import activate, array_of, detailed_object, nodes_of, set_up_cycles, simplified, with_materials
+from .test_bake_against_blender import SIDES, core_mesh, normal_view, normals_of
 
 SIZE = 256
 

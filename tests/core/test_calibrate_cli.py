@@ -260,6 +260,7 @@ BALL_CASES: dict[str, tuple[list[str], str]] = {
     "no highlight": (["flat.exr", "--circle", CIRCLE], "flat.exr … no highlight … lights on"),
     "white lights in one photo": (["only0.png"], "do not differ in colour … each light alone"),
     "circle larger than the photo": (["ball.exr", "--circle", "130,105,1000"], "more than the photo"),
+    "circle beside the photo": (["ball.exr", "--circle", "900,60,40"], "outside the photo"),
     "circle of two numbers": (["ball.exr", "--circle", "1,2"], "--circle 1,2 … three numbers"),
     "circle without radius": (["ball.exr", "--circle", "9,9,0"], "radius above 0"),
     "circle and mask": (["ball.exr", "--circle", CIRCLE, "--mask", "mask.png"], "give one of them"),

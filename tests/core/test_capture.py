@@ -110,6 +110,7 @@ test_a_bad_capture_gets_one_clear_sentence = gets_one_clear_sentence(
             lambda b: read_capture(b.photo(pixels=np.dstack([SPHERE.image, 0 * SPHERE.mask])), SPHERE.rig),
             "photo.exr…mask is empty",
         ),
+        (lambda b: b.estimate(mask=f"background:{b.photo('b.exr', SPHERE.image[:8])}"), "the background is 16 x 8"),
         ("alpha where there is none", lambda b: read_capture(b.photo(), SPHERE.rig, mask="alpha"), "no alpha channel"),
         *(
             (

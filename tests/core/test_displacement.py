@@ -290,28 +290,6 @@ def test_normals_of_no_surface_do_not_tear_what_is_around_them() -> None:
     assert found.contradicted > wall.mean() / 2
 
 
-@pytest.mark.parametrize(
-    ("arguments", "words"),
-    [
-        (["--uvs", "mesh.npz"], "name their file with --height"),
-        (["--uvs", "mesh.npz", "--height", "h.exr", "--focal", "50"], "--focal goes with a photo's normals"),
-        (["--uvs", "mesh.npz", "--height", "mesh.npz"], ".npz is not a supported image format"),
-        (["--uvs", "mesh.npz", "--base", "gone.obj", "--height", "h.exr"], "mesh file gone.obj does not exist"),
-        (["--uvs", "mesh.npz", "--height", "texture.png"], "would overwrite texture.png"),
-    ],
-)
-def test_bad_input_is_one_sentence(arguments: list[str], words: str, tmp_path, monkeypatch, capsys) -> None:
-    monkeypatch.chdir(tmp_path)
-    write_mesh("mesh.npz", cube_sphere(2))
-    write_image("texture.png", np.broadcast_to([0.5, 0.5, 1.0], (32, 32, 3)))
-    before = Path("texture.png").read_bytes()
-    assert main(["integrate", "texture.png", *arguments]) == 2
-    said = capsys.readouterr().err
-    assert said.count("\n") == 1 and words in said
-    assert sorted(file.name for file in tmp_path.iterdir()) == ["mesh.npz", "texture.png"]
-    assert Path("texture.png").read_bytes() == before
-
-
 def test_what_does_not_fit_is_refused() -> None:
     flat = np.broadcast_to(np.array([0, 0, 1], np.float32), (32, 32, 3))
     with pytest.raises(InputError, match="square"):

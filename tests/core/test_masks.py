@@ -225,24 +225,6 @@ class TestCommand:
         outline = (drawn[..., 0] > 0.95) & (np.abs(drawn[..., 1] - 0.55) < 0.02) & (drawn[..., 2] < 0.15)
         assert outline.sum() > 300 and not outline[mask].any()
 
-    @pytest.mark.parametrize(
-        ("options", "words"),
-        [
-            (["--mask", "background:small.png"], "the background is 8 x 8 but the photo is 200 x 200"),
-            (["--mask", "small.png"], "the mask is 8 x 8 but"),
-            (["--overlay", "mask.png"], "would overwrite"),
-        ],
-        ids=lambda value: " ".join(value) if isinstance(value, list) else "",
-    )
-    def test_bad_input(self, tmp_path, mpsnet, photo: tuple[Path, np.ndarray], options: list[str], words: str) -> None:
-        write_file(tmp_path / "small.png", np.zeros((8, 8, 3)), "uint8")
-        kinds = [o if o.startswith("--") or ":" in o or o == "alpha" else str(tmp_path / o) for o in options]
-        kinds = [o.replace("background:", f"background:{tmp_path}/") if o != "background:" else o for o in kinds]
-        before_run = photo[0].read_bytes()
-        done = mpsnet("mask", photo[0], "-o", tmp_path / "mask.png", *kinds)
-        assert done.returncode == 2 and words in done.stderr and len(done.stderr.splitlines()) == 1
-        assert photo[0].read_bytes() == before_run and not (tmp_path / "mask.png").exists()
-
 
 @pytest.mark.parametrize("light", [np.zeros((50, 60, 3)), np.full((90, 80, 3), 0.3)], ids=["black", "grey"])
 def test_a_photo_without_an_object(light: np.ndarray) -> None:

@@ -9,20 +9,9 @@ from flat_weave import Weave
 from swatches import leather, photographed, woven
 from synthetic import CROSSTALK, degrees_between
 
-from mpsnet_core import (
-    Camera,
-    Capture,
-    LightRig,
-    NormalMap,
-    estimate_normals,
-    published_rig,
-    read_image,
-    write_image,
-    write_rig,
-)
+from mpsnet_core import Camera, Capture, InputError, NormalMap, estimate_normals, read_image, write_image
 from mpsnet_core.arrays.unit_vectors import normalised
 from mpsnet_core.cli import main
-from mpsnet_core.errors import InputError
 from mpsnet_core.io.image_reading import read_channel
 from mpsnet_core.relief.material.flatten import (
     estimated_albedo,
@@ -35,6 +24,7 @@ from mpsnet_core.relief.material.material import crop_to_filled_part, flat_mater
 from mpsnet_core.relief.material.material_files import normals_by_photo
 from mpsnet_core.relief.operations import MakeMaterial
 from mpsnet_core.scene.normal_encoding import read_vectors
+from mpsnet_core.scene.rig import LightRig, published_rig, write_rig
 
 # --- laid flat --------------------------------------------------------------------------------------------------------
 

@@ -201,23 +201,6 @@ class TestBadInput:
         self.refused(good, "photo.dng cannot be read as camera raw", "convert it to a linear TIFF")
         assert capfd.readouterr() == ("", "")
 
-    def test_a_header_with_any_bytes_wrong_gives_an_image_or_one_sentence(self, good: Path) -> None:
-        data, rng, refusals = good.read_bytes(), np.random.default_rng(1), 0
-        for _ in range(300):
-            spoilt = bytearray(data)
-            for _ in range(3):
-                spoilt[rng.integers(0, 520)] = rng.integers(0, 256)
-            good.write_bytes(spoilt)
-            try:
-                image = read_image(good)
-            except InputError as error:
-                refusals += 1
-                assert "photo.dng" in str(error) and "\n" not in str(error)
-            else:
-                assert np.isfinite(image.pixels).all() and image.clipped is not None
-                assert image.clipped.shape == image.pixels.shape
-        assert 20 < refusals < 280
-
     def test_proraw_in_jpeg_xl(self, tmp_path: Path) -> None:
         self.refused(write_dng(tmp_path / "p.dng", np.zeros((32, 32)), compression=52546), "JPEG XL", "Most Compatible")
 

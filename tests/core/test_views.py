@@ -18,25 +18,19 @@ from mesh_file import write_mesh
 from surface_shapes import camera_looking, sphere_mesh, sphere_view
 from synthetic import degrees_between, listing, write_file
 
-from mpsnet_core import View, WriteCameras, bake_normals, estimate_normals, read_capture, read_image, read_normals
+from mpsnet_core import LightRig, View, WriteCameras, bake_normals, estimate_normals, near_rig, published_rig, write_rig
 from mpsnet_core.arrays.unit_vectors import normalised
 from mpsnet_core.bake.multi_view import ViewCaptureSettings, sources_of
+from mpsnet_core.capture.open import read_capture
 from mpsnet_core.cli import main
 from mpsnet_core.errors import FileError, InputError
 from mpsnet_core.io.frames import PhotoFolder
+from mpsnet_core.io.image_reading import read_image
 from mpsnet_core.scene.camera import read_camera, write_camera
 from mpsnet_core.scene.normal_encoding import read_vectors
+from mpsnet_core.scene.normal_map import read_normals
 from mpsnet_core.scene.photogrammetry.posed_photo import Lens, PosedPhoto, find_photo
-from mpsnet_core.scene.rig import (
-    LightRig,
-    WorldLights,
-    in_world,
-    near_rig,
-    published_rig,
-    read_world_lights,
-    write_rig,
-    write_world_lights,
-)
+from mpsnet_core.scene.rig import WorldLights, in_world, read_world_lights, write_world_lights
 from mpsnet_core.scene.view_files import write_views
 from mpsnet_core.scene.view_photos import ViewPhoto, posed_photos
 
