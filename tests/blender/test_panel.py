@@ -293,22 +293,6 @@ def test_a_raw_photo_is_shown_by_its_own_file(window, tmp_path):
     assert f'filepath="{tmp_path}"' in window.under_mouse(x, y)
 
 
-def test_a_result_finds_its_scene_and_target_whatever_they_are_called_by_then(window, tmp_path):
-    window.ask("invoke", "add_rig", {})
-    window.ask("invoke", "render_photo", {"width": 64, "height": 64, "samples": 4})
-    window.wait(lambda state: "MPS Photo" in state["images"], "photo")
-    window.ask("invoke", "estimate", {"model": "LAMBERTIAN"})
-    window.wait(lambda state: "MPS Normals" in state["images"] and not state["running"], "normals")
-    texture = tmp_path / "texture.png"
-    window.ask("invoke", "bake", {"size": 2048, "output": str(texture)})
-    assert window.state["running"]
-    renamed = "for one in (*bpy.data.scenes, *bpy.data.objects, *bpy.data.images): one.name = f'renamed {one.name}'"
-    window.ask("run", renamed)
-    window.wait(lambda state: not state["running"], "texture")
-    assert "MPS Cube" in window.state["images"] and texture.is_file()  # called as the target was when it began
-    assert "MPS Texture" in window.state["nodes"]
-
-
 EDITORS_SHOW = """
 import json
 image = bpy.context.scene.mps.photo.image

@@ -10,9 +10,8 @@ from surface_shapes import camera_looking, first_on_sphere, sphere_mesh, sphere_
 from synthetic import degrees_between
 from uv_squares import squares
 
-from mpsnet_core import Camera, Mesh, NormalMap, Texture, View, bake_normals, join_meshes
+from mpsnet_core import Camera, InputError, Mesh, NormalMap, Texture, View, bake_normals, join_meshes
 from mpsnet_core.bake import bake
-from mpsnet_core.errors import Cancelled, InputError
 
 
 def affine(scale: tuple[float, float, float], place: tuple[float, float, float] = (0.4, -2.0, 1.0)) -> np.ndarray:
@@ -256,16 +255,6 @@ def test_a_texture_made_a_few_rows_at_a_time_is_the_same(samples: int, monkeypat
     by_rows = bake_normals(mesh, views, size=SIZE, samples=samples)
     for name, values in vars(whole).items():
         np.testing.assert_array_equal(getattr(by_rows, name), values)
-
-
-@pytest.mark.parametrize("after", [0.0, 0.3, 0.9])
-def test_cancelled_from_progress_ends_the_bake(after: float) -> None:
-    def stop(fraction: float, _: str) -> None:
-        if fraction >= after:
-            raise Cancelled
-
-    with pytest.raises(Cancelled):
-        bake_normals(sphere_mesh(), [sphere_view(camera_looking((1, 0, 0)))], size=600, progress=stop)
 
 
 def test_what_cannot_be_baked_is_refused_with_the_mend() -> None:

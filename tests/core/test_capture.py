@@ -80,9 +80,7 @@ def test_only_integer_files_saturate(tmp_path: Path, sphere: Sphere, kind: str, 
         ([0.5, 0.6, 0.7], None),
     ],
 )
-def test_a_photo_that_gives_hardly_right_normals_is_reported_of(
-    tmp_path: Path, caplog: pytest.LogCaptureFixture, pixels: ArrayLike, words: str | None
-) -> None:
+def test_a_photo_that_gives_hardly_right_normals_is_reported_of(tmp_path, caplog, pixels: ArrayLike, words: str | None):
     write_image(tmp_path / "photo.png", np.broadcast_to(pixels, (4, 4, 3)))
     with caplog.at_level("INFO", "mpsnet_core"):
         read_capture(tmp_path / "photo.png", published_rig(), mask="none", encoding="linear")

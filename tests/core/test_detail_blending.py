@@ -51,21 +51,6 @@ def test_a_present_map_of_any_size_goes_under_the_texture(size: int) -> None:
     assert degrees_between(laid.vectors, waves(128)).max() < 1.0
 
 
-@pytest.mark.parametrize(("kind", "most"), [("uint8", 0.5), ("uint16", 0.01), ("half", 0.1)])
-@pytest.mark.parametrize("convention", ["opengl", "directx"])
-def test_present_maps_are_read_as_they_are_stored(kind: str, most: float, convention: str, tmp_path: Path) -> None:
-    vectors = waves(64)
-    colours = 0.5 + 0.5 * vectors * ([1, 1, 1] if convention == "opengl" else [1, -1, 1])
-    path = write_file(tmp_path / ("map.exr" if kind == "half" else "map.png"), colours, kind)
-    assert degrees_between(read_base_map(path, convention=convention), vectors).max() < most
-
-
-def test_alpha_may_hold_something_else(tmp_path: Path) -> None:
-    vectors, gloss = waves(64), np.tile([0.0, 0.3], (64, 32))
-    path = write_file(tmp_path / "m.png", np.dstack([encode(vectors), gloss]), "uint16", oiio__UnassociatedAlpha=1)
-    assert degrees_between(read_base_map(path), vectors).max() < 0.1
-
-
 @pytest.mark.parametrize("background", [(0, 0, 0), (1, 1, 1), (0.5, 0.5, 0.5), None], ids=str)
 def test_what_surrounds_the_islands_is_no_normal(background: tuple[float, ...] | None, tmp_path: Path) -> None:
     """It stays out of the islands when the map is resampled: their own border goes on beyond them."""

@@ -140,9 +140,7 @@ def derived_names(there: Place, line: str) -> list[str]:
 
 
 @pytest.mark.parametrize("line", LINES)
-def test_a_name_that_is_derived_overwrites_nothing_of_the_users(
-    line: str, place: Callable[[], Place], capfd: pytest.CaptureFixture[str], tmp_path: Path
-) -> None:
+def test_a_name_that_is_derived_overwrites_nothing_of_the_users(line: str, place: Callable[[], Place], capfd, tmp_path):
     there = place()
     run(line, capfd)
     for name in derived_names(there, line):

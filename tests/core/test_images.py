@@ -162,9 +162,7 @@ def test_values_have_the_curve_of_the_colour_profile(tmp_path: Path, curve: byte
         (b"none", [0.02, 0.3, 0.8], np.inf),
     ],
 )
-def test_float_files_have_the_curve_of_their_colour_profile(
-    tmp_path: Path, curve: bytes, linear: list[float], clip: float
-) -> None:
+def test_float_files_have_the_curve_of_their_colour_profile(tmp_path, curve: bytes, linear: list[float], clip: float):
     """As darktable and RawTherapee write them; without curves they are linear."""
     image = read_image(write_profiled(tmp_path / "photo.tif", colour_profile(curve, curve, curve), "float"))
     assert image.pixels[0, :, 1] == pytest.approx(linear, abs=1e-4) and image.clip == clip and not image.assumed
@@ -234,9 +232,7 @@ class TestLayers:
         np.testing.assert_array_equal(image.alpha, np.ones((4, 6)))
 
     @pytest.mark.parametrize("name", ["Normal", "ViewLayer.Normal"])
-    def test_a_layer_is_read_by_its_full_or_last_name(
-        self, file: Path, passes: dict[str, np.ndarray], name: str
-    ) -> None:
+    def test_a_layer_is_read_by_its_full_or_last_name(self, file: Path, passes: dict[str, np.ndarray], name: str):
         values, alpha = read_data(file, name)
         np.testing.assert_array_equal(values, np.stack([passes[f"ViewLayer.Normal.{c}"] for c in "XYZ"], axis=-1))
         assert alpha is None
@@ -294,9 +290,7 @@ class TestWriting:
             ("a.exr", 16, "half"),
         ],
     )
-    def test_bits_are_what_was_asked_for(
-        self, tmp_path: Path, colours: np.ndarray, name: str, bits: int | None, stored: str
-    ) -> None:
+    def test_bits_are_what_was_asked_for(self, tmp_path, colours: np.ndarray, name: str, bits: int | None, stored: str):
         write_image(tmp_path / name, colours, bits=bits)
         buffer = oiio.ImageBuf(str(tmp_path / name))
         assert str(buffer.nativespec().format) == stored

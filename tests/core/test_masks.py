@@ -261,8 +261,6 @@ def relief() -> np.ndarray:
 
 @pytest.mark.parametrize("notes", ["all", "none"])
 @pytest.mark.parametrize("surface", [cloth, relief, lambda: np.full((90, 80, 3), 0.3)], ids=["cloth", "relief", "grey"])
-def test_a_surface_that_fills_the_photo_is_the_whole_photo(
-    surface: Callable[[], np.ndarray], notes: MaskNotes, caplog: pytest.LogCaptureFixture
-) -> None:
+def test_a_surface_that_fills_the_photo_is_the_whole_photo(surface: Callable[[], np.ndarray], notes: MaskNotes, caplog):
     assert find_mask(Image(noisy(surface()), None, 1.0), notes=notes).all()
     assert [record.message.split(";")[0] for record in caplog.records] == [WHOLE] * (notes == "all")

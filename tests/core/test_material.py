@@ -9,7 +9,7 @@ from flat_weave import Weave
 from swatches import leather, photographed, woven
 from synthetic import CROSSTALK, degrees_between
 
-from mpsnet_core import Camera, Capture, InputError, NormalMap, estimate_normals, read_image, write_image
+from mpsnet_core import Camera, Capture, InputError, MakeMaterial, NormalMap, estimate_normals, read_image, write_image
 from mpsnet_core.arrays.unit_vectors import normalised
 from mpsnet_core.cli import main
 from mpsnet_core.io.image_reading import read_channel
@@ -22,7 +22,6 @@ from mpsnet_core.relief.material.flatten import (
 )
 from mpsnet_core.relief.material.material import crop_to_filled_part, flat_material
 from mpsnet_core.relief.material.material_files import normals_by_photo
-from mpsnet_core.relief.operations import MakeMaterial
 from mpsnet_core.scene.normal_encoding import read_vectors
 from mpsnet_core.scene.rig import LightRig, published_rig, write_rig
 

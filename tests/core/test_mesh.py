@@ -387,9 +387,7 @@ def placed(**how: object) -> dict[str, Any]:
         (placed(texCoord=1), True),
     ],
 )
-def test_glb_whose_normal_map_is_on_other_uvs_gets_a_warning(
-    tmp_path: Path, caplog: pytest.LogCaptureFixture, texture: dict[str, Any], warned: bool
-) -> None:
+def test_glb_whose_normal_map_is_on_other_uvs_gets_a_warning(tmp_path, caplog, texture: dict[str, Any], warned: bool):
     path = glb(tmp_path / "mesh.glb", normals=True)
     change_header(path, lambda header: header["materials"][0].update(normalTexture=texture))
     read_mesh(path)
@@ -637,17 +635,6 @@ def test_up_and_unit_place_a_mesh_and_leave_its_own_space(tmp_path: Path, up: Up
     x, y, z = unit * plain.vertices.T
     assert mesh.world_vertices == pytest.approx(np.stack([x, -z, y] if up == "y" else [x, y, z], axis=1))
     assert mesh.vertices.tolist() == plain.vertices.tolist()
-
-
-@pytest.mark.parametrize("suffix", [".stl", ".off"])
-def test_shapes_without_uvs_are_read_where_none_are_needed(tmp_path: Path, suffix: str) -> None:
-    box = trimesh.creation.box()
-    box.export(tmp_path / f"box{suffix}")
-    mesh = read_mesh(tmp_path / f"box{suffix}", shape_only=True)
-    assert sorted(mesh.vertices[mesh.triangles].tolist()) == sorted(box.triangles.tolist())
-    assert degrees_between(mesh.corner_normals, np.repeat(box.face_normals[:, None], 3, axis=1)).max() < 0.01
-    with pytest.raises(InputError, match=r"it has no UVs"):
-        read_mesh(tmp_path / f"box{suffix}")
 
 
 def test_faces_that_turn_their_back_to_normals_are_reported(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:

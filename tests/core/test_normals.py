@@ -23,9 +23,7 @@ ROOT = np.sqrt(0.5)
         ([-ROOT, 0, ROOT], "directx", [0.5 - ROOT / 2, 0.5, 0.5 + ROOT / 2]),
     ],
 )
-def test_colours_are_half_plus_half_the_vector(
-    vector: list[float], convention: str, colour: list[float], tmp_path: Path
-) -> None:
+def test_colours_are_half_plus_half_the_vector(vector: list[float], convention: str, colour: list[float], tmp_path):
     assert encode(np.array(vector), convention) == pytest.approx(colour)
     write_image(tmp_path / "n.exr", np.tile(colour, (2, 2, 1)))
     assert read_vectors(tmp_path / "n.exr", convention)[0] == pytest.approx(np.tile(vector, (2, 2, 1)), abs=1e-6)
@@ -70,9 +68,7 @@ def test_files_give_the_normals_back(tmp_path, sphere, name: str, bits: int, deg
 
 
 @pytest.mark.parametrize("background", [0.0, 0.5, (0.0, 0.7, 0.2), np.nan])
-def test_a_foreign_map_without_alpha_is_masked_by_unit_length(
-    tmp_path: Path, sphere: Sphere, background: float | tuple[float, ...]
-) -> None:
+def test_a_foreign_map_without_alpha_is_masked_by_unit_length(tmp_path, sphere, background: float | tuple[float, ...]):
     normals, mask = np.pad(sphere.normals, [(40, 40), (40, 40), (0, 0)]), np.pad(sphere.mask, 40)
     colours = np.where(mask[..., None], 0.5 + 0.5 * normals, background)
     back = read_normals(write_file(tmp_path / "n.tif", colours, "half"))

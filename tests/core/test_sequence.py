@@ -87,15 +87,6 @@ def test_each_result_is_what_the_estimator_gives_alone(tmp_path: Path) -> None:
 # --- going on ---------------------------------------------------------------------------------------------------------
 
 
-def test_what_is_there_is_left_as_it_is(tmp_path: Path) -> None:
-    photos = shots(tmp_path / "shots", range(1, 6))
-    run(photos, tmp_path / "out")
-    first = {name: (tmp_path / "out" / name).stat().st_mtime_ns for name in listing(tmp_path / "out")}
-    never: Any = None
-    assert run(photos, tmp_path / "out", take=never, estimator=never) == Outcome(made=0, there=5)
-    assert {name: (tmp_path / "out" / name).stat().st_mtime_ns for name in listing(tmp_path / "out")} == first
-
-
 @pytest.mark.parametrize("smooth", [0, 2])
 def test_what_is_missing_is_made_with_the_same_bytes(tmp_path: Path, smooth: int) -> None:
     photos = shots(tmp_path / "shots", range(1, 12))
@@ -364,9 +355,7 @@ def test_settings_and_files_that_matter_make_frames_again(tmp_path: Path, mpsnet
 
 
 @pytest.mark.parametrize("name", ["normals", "png", "alpha"])
-def test_a_relative_output_that_is_not_there_yet_is_gone_on_from(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, mpsnet, rig: Path, name: str
-) -> None:
+def test_a_relative_output_that_is_not_there_yet_is_gone_on_from(tmp_path, monkeypatch, mpsnet, rig: Path, name: str):
     """Its name may also be the value of an option, which must not be taken for a file once the folder is there."""
     monkeypatch.chdir(tmp_path)
     shots(tmp_path / "shots", [1, 2])
@@ -384,9 +373,7 @@ def test_a_relative_output_that_is_not_there_yet_is_gone_on_from(
         (["s_1.png", "s_2.png", "--confidence", "c.png"], "--confidence takes one photo at a time"),
     ],
 )
-def test_what_a_sequence_cannot_be_asked(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, mpsnet, rig: Path, arguments: list[str], words: str
-) -> None:
+def test_what_a_sequence_cannot_be_asked(tmp_path, monkeypatch, mpsnet, rig: Path, arguments: list[str], words: str):
     monkeypatch.chdir(tmp_path)
     for name in ("a.png", "b.png", "s_1.png", "s_2.png"):
         write_file(tmp_path / name, picture(1), "uint8")

@@ -174,9 +174,7 @@ def test_the_learning_rate_rises_stays_and_falls_to_nothing() -> None:
 
 
 @pytest.mark.parametrize(("network", "least"), [("mpsnet", 0.7), ("psfcn", 0.7)])
-def test_training_lowers_the_error_on_what_is_seen_again_and_again(
-    network: str, least: float, ball: Path, tmp_path: Path
-) -> None:
+def test_training_lowers_the_error_on_what_is_seen_again_and_again(network: str, least: float, ball: Path, tmp_path):
     of = recipe(network, steps=60, learning_rate=5e-3, ema=0.9)
     options = {"validation": [ball]}
     before = run(of, ball, tmp_path / "c", stop_after=1, **options).metrics

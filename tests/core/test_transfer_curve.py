@@ -57,9 +57,7 @@ def test_the_shading_shows_linear_values_and_many_colours_leave_srgb(
 
 @pytest.mark.parametrize("space", ["unknown", "sRGB"])
 @pytest.mark.parametrize("encoding", ["auto", "srgb"])
-def test_what_the_user_or_the_file_says_is_not_doubted(
-    tmp_path: Path, sphere: Sphere, caplog: pytest.LogCaptureFixture, space: str, encoding: Encoding
-) -> None:
+def test_what_the_user_or_the_file_says_is_not_doubted(tmp_path, sphere, caplog, space: str, encoding: Encoding):
     photo = written(tmp_path / "photo.png", sphere.image, space)
     read_capture(photo, sphere.rig, mask="threshold:0.02", encoding=encoding)
     assert ("READ AS LINEAR" in caplog.text) == (space == "unknown" and encoding == "auto")

@@ -81,9 +81,7 @@ def decoded(path: Path, encoding: Any = "auto") -> list[Frame]:
         ("a.mkv", "ffv1", "gbrp16le", np.uint16),
     ],
 )
-def test_every_frame_comes_out_in_order(
-    tmp_path: Path, name: str, codec: str, kind: str, depth: type[np.unsignedinteger]
-) -> None:
+def test_every_frame_comes_out_in_order(tmp_path, name: str, codec: str, kind: str, depth: type[np.unsignedinteger]):
     given = noise(7, depth)
     path = clip(tmp_path / name, given, codec, kind)
     assert is_video(path)
@@ -284,9 +282,7 @@ def test_a_video_becomes_numbered_normal_maps(tmp_path: Path, mpsnet, rig_file: 
         (["-o", "out.png"], "out.png is one file, but .*turn.mkv is a video; give a folder"),
     ],
 )
-def test_options_that_do_not_go_with_a_video(
-    tmp_path: Path, mpsnet, rig_file: Path, sphere: Sphere, arguments: list[str], words: str
-) -> None:
+def test_options_that_do_not_go_with_a_video(tmp_path, mpsnet, rig_file, sphere, arguments: list[str], words: str):
     path = clip(tmp_path / "turn.mkv", spheres(sphere, 1), "ffv1", "gbrp16le", color_trc=8)
     done = mpsnet("estimate", path, "--rig", rig_file, "-o", tmp_path / "out", *arguments)
     assert done.returncode == 2

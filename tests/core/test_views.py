@@ -24,12 +24,10 @@ from mpsnet_core.bake.multi_view import ViewCaptureSettings, sources_of
 from mpsnet_core.capture.open import read_capture
 from mpsnet_core.cli import main
 from mpsnet_core.errors import FileError, InputError
-from mpsnet_core.io.frames import PhotoFolder
 from mpsnet_core.io.image_reading import read_image
 from mpsnet_core.scene.camera import read_camera, write_camera
 from mpsnet_core.scene.normal_encoding import read_vectors
 from mpsnet_core.scene.normal_map import read_normals
-from mpsnet_core.scene.photogrammetry.posed_photo import Lens, PosedPhoto, find_photo
 from mpsnet_core.scene.rig import WorldLights, in_world, read_world_lights, write_world_lights
 from mpsnet_core.scene.view_files import write_views
 from mpsnet_core.scene.view_photos import ViewPhoto, posed_photos
@@ -544,16 +542,6 @@ def test_cameras_whose_photo_is_missing_are_left_out(table: Table) -> None:
         (table / "photos" / f"side{number}.exr").unlink()
     with pytest.raises(InputError, match=r"none of the 4 photos of .*colmap, such as side0.exr, is in .*photos"):
         table.run("--cameras", table / "colmap")
-
-
-def test_a_raw_file_is_meant_where_there_is_a_jpeg_beside_it(tmp_path: Path) -> None:
-    for name in ("a.jpg", "a.dng", "b.jpg", "c.JPG", "c.CR3"):
-        (tmp_path / name).touch()
-    folder = PhotoFolder(tmp_path)
-    assert [folder.find([stem], "it").name for stem in "abc"] == ["a.dng", "b.jpg", "c.CR3"]
-    camera = camera_looking((1, 0, 0), "perspective", size=96)
-    found = [find_photo(PosedPhoto(name, camera, Lens()), folder) for name in ("a.jpg", "b.jpg", "c")]
-    assert [file.name for file in found if file] == ["a.dng", "b.jpg", "c.CR3"]
 
 
 def test_what_cannot_be_baked_is_reported_before_anything_is_estimated(table: Table) -> None:

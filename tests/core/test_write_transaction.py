@@ -19,7 +19,6 @@ import numpy as np
 import pytest
 from bake_bench import Bench
 from ball_scene import CIRCLE, SCENE
-from flat_weave import Weave
 from height_shapes import ball, orthographic
 from mirror_ball import photograph
 from synthetic import listing, shaded_sphere
@@ -34,10 +33,6 @@ VERBS = {
     "heights": (
         "integrate {0}/ball.png --height h.png --curvature c.png --occlusion o.tif --relit r.png",
         ("--pixel-size 1", "--pixel-size 2 --light 30,90"),
-    ),
-    "material": (
-        "material {0}/weave.exr --rig {0}/rig.json --width 36mm -o . --name m",
-        ("--size 64", "--size 80 --convention directx"),
     ),
     "bake": (
         "bake --mesh {0}/mesh.npz --view {0}/camera.json={0}/n.png --albedo {0}/a.png -o t.<UDIM>.png --space object",
@@ -110,7 +105,6 @@ def inputs(tmp_path_factory: pytest.TempPathFactory) -> Path:
     write_rig(folder / "rig.json", sphere.rig)
     write_image(folder / "photo.exr", sphere.image)
     write_image(folder / "mirror.exr", photograph(SCENE))
-    write_image(folder / "weave.exr", Weave((150, 180)).capture(0.6).image)
     write_normals(folder / "ball.png", ball(orthographic(64, 72, 16), (0, 0, 0), 1.7).normals)
     return folder
 
