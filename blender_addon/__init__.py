@@ -27,7 +27,7 @@ _NAMES = (
     *("settings.unknown", "preferences", "settings.choices", "presets", "operators.reporting", "operators.core_run"),
     "operators.show_image",
     "operators.choose_file",
-    *("rig.rig", "rig.several_rigs", "rig.light_preview"),
+    *("rig.rig", "rig.several_rigs", "rig.light_preview", "rig.rig_picture"),
     *("photo.photo", "photo.align", "photo.pick_points", "photo.check", "photo.look_through"),
     *("photo.find_lights", "photo.paint_mask", "estimate.estimate", "estimate.error_map"),
     *("bake.bake", "bake.node_group", "heights.displace", "heights.integrate", "bake.many_views", "bake.coverage"),

@@ -12,11 +12,12 @@ from ..photo.camera import is_real
 from ..photo.pick_points import picking
 from ..provenance import made_by
 from ..rig.light_rig import last_evaluated_rig, rig_camera
+from ..rig.rig_picture import rig_icon
 from ..scene.camera import scene_camera
 from ..settings.record import notes_of
 from .photo_inputs import NEEDED_FILE, lacks_file, lacks_mask, lights_of
 from .step import Step, target_name
-from .text import wrapped
+from .text import across_sidebar, wrapped
 
 
 class MPS_PT_photo(Step):
@@ -52,6 +53,8 @@ class MPS_PT_photo(Step):
             row = self.layout.row()
             row.scale_y = 1.3
             row.template_ID(photo, "image", open="mps.open_photo")
+            if photo.image is None:
+                self.layout.template_icon(icon_value=rig_icon(), scale=across_sidebar())
         else:
             self._render(context, photo)
         for other in self.verbs:

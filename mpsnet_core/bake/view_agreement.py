@@ -126,8 +126,11 @@ def warn_of_doubts(views: Sequence[ViewAgreement]) -> None:
         if max(np.nan_to_num(view.before), view.level) > MAX_DIFFERENCE:
             difference = "" if np.isnan(view.before) else f"is {view.before:.0f}° apart from the others and "
             log.warning(
-                f"view {view.name} {difference}was levelled by {view.level:.0f}°: check that rig, camera and mesh "
-                "belong together, and check --lights-in [views-apart]"
+                "view %s %swas levelled by %.0f°: check that rig, camera and mesh belong together, and "
+                "check --lights-in [views-apart]",
+                view.name,
+                difference,
+                view.level,
             )
 
 
@@ -346,6 +349,7 @@ def _log_gains(gains: F64, alone: Bools) -> None:
     log.info("the views' colours are matched, by gains of %.3g to %.3g", gains.min(), gains.max())
     if alone.any():
         log.warning(
-            f"{alone.sum()} of {len(alone)} views share too little of the surface with the others for their colours to "
-            "be matched"
+            "%s of %s views share too little of the surface with the others for their colours to be matched",
+            alone.sum(),
+            len(alone),
         )

@@ -110,8 +110,11 @@ def in_order_of_lights(photos: Sequence[Path]) -> list[Path]:
         return natural
     red, green, blue = (photo.name for photo in photos)
     log.warning(
-        f"red is {red}, green {green}, blue {blue}, the order in which a shell sorts them; for another order name the "
-        "photos one by one"
+        "red is %s, green %s, blue %s, the order in which a shell sorts them; for another order name the "
+        "photos one by one",
+        red,
+        green,
+        blue,
     )
     return list(photos)
 

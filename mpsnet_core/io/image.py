@@ -97,8 +97,12 @@ def in_frame_of(image: Image, name: object, first: Image, first_name: object) ->
     if pixels.shape[:2] != first.pixels.shape[:2] == image.pixels.shape[:2]:
         return image
     log.warning(
-        f"{name} states the orientation {image.orientation} and {first_name} {first.orientation} (EXIF); both are "
-        "taken to lie as on the camera's sensor, and are turned by the latter"
+        "%s states the orientation %s and %s %s (EXIF); both are taken to lie as on the camera's sensor, "
+        "and are turned by the latter",
+        name,
+        image.orientation,
+        first_name,
+        first.orientation,
     )
     alpha = None if image.alpha is None else turned(image.alpha, image.orientation, first.orientation)
     clipped = None if image.clipped is None else turned(image.clipped, image.orientation, first.orientation)

@@ -292,8 +292,9 @@ def read_image(
             pixels[rows, :, 2] = 0
     if alpha is not None and not premultiplied and _seems_premultiplied(values, colour, alpha):
         log.warning(
-            f"the colours of {path} look multiplied by its alpha, which its format does not allow: edges are too dark; "
-            "export it with straight alpha"
+            "the colours of %s look multiplied by its alpha, which its format does not allow: edges are "
+            "too dark; export it with straight alpha",
+            path,
         )
     # Other curves end at 1.
     clip = np.inf if is_float(spec) and decoded in (identity_curve, srgb_to_linear, linear_to_srgb) else 1.0
@@ -336,8 +337,10 @@ def _warn_of_pixel_aspect(path: Path, spec: Any) -> None:
     aspect = image_attribute(spec, "PixelAspectRatio", float)
     if aspect is not None and 0 < aspect < np.inf and abs(np.log(aspect)) > SAME_SIDES:
         log.warning(
-            f"{path} says that its pixels are not square ({aspect:.4g}:1), and is read as it is stored; convert it to "
-            "square pixels, or give a camera file whose focal differs in x and y"
+            "%s says that its pixels are not square (%.4g:1), and is read as it is stored; convert it to "
+            "square pixels, or give a camera file whose focal differs in x and y",
+            path,
+            aspect,
         )
 
 

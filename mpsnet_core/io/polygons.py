@@ -114,8 +114,9 @@ def read_obj(path: Path) -> Polygons:
             raise FormatError(f"line {number} cannot be read ({line.strip()[:60]!r}); export it again") from None
     if left_out:
         log.warning(
-            f"mesh file {path}: its statements {', '.join(sorted(left_out))} are not read; convert its surfaces to "
-            "polygons in this file"
+            "mesh file %s: its statements %s are not read; convert its surfaces to polygons in this file",
+            path,
+            ", ".join(sorted(left_out)),
         )
     if not corners:
         raise GeometryError("it has no faces; choose a mesh with a surface")
@@ -251,8 +252,9 @@ def read_ply(path: Path) -> Polygons:
         raise FormatError("it has no vertices with x, y and z; export it again")
     if unknown := sorted(elements.keys() - KNOWN):
         log.warning(
-            f"mesh file {path}: its elements {', '.join(unknown)[:99]} are not read; export UVs and texture numbers "
-            "with its faces"
+            "mesh file %s: its elements %s are not read; export UVs and texture numbers with its faces",
+            path,
+            ", ".join(unknown)[:99],
         )
     lists, sizes = face.list(_INDICES)
     corners = checked_indices(lists, len(vertices))

@@ -206,8 +206,12 @@ def camera_for(camera: Camera | float | None, width: int, height: int, remedy: s
         sizes = f"{camera.width} x {camera.height} but the photo is {width} x {height}"
         raise GeometryError(f"the camera is {sizes}; {remedy}")
     log.info(
-        f"the camera is for {camera.width} x {camera.height} pixels and the photo has {width} x {height}: the camera "
-        "is scaled; if the photo was cropped instead, give its own camera"
+        "the camera is for %s x %s pixels and the photo has %s x %s: the camera is scaled; if the photo "
+        "was cropped instead, give its own camera",
+        camera.width,
+        camera.height,
+        width,
+        height,
     )
     return camera.resized(width, height)
 

@@ -272,9 +272,10 @@ def read_mesh(path: AnyPath, *, shape_only: bool = False, up: Up = "z", unit: fl
             mesh = replace(mesh, world_from_object=world_from_file(up, unit) @ mesh.world_from_object)
     if not shape_only and mesh.is_inside_out:
         log.warning(
-            f"mesh file {path}: most of its faces point the opposite way from its normals, as in a PLY of a mirrored "
-            "object, which would bake an inverted green channel; apply the object's scale or flip the faces, and "
-            "export it again"
+            "mesh file %s: most of its faces point the opposite way from its normals, as in a PLY of a "
+            "mirrored object, which would bake an inverted green channel; apply the object's scale or "
+            "flip the faces, and export it again",
+            path,
         )
     return mesh
 
@@ -383,8 +384,10 @@ def _read_glb(path: Path, shape_only: bool) -> Mesh:
     poses = [np.linalg.inv(frame) @ part.pose for part in parts]
     if not (shape_only or all(map(_keeps_angles, poses))):
         log.warning(
-            f"mesh file {path}: its objects are stretched in several ways, and textures in tangent space fit only some "
-            "of them; apply their scale (in Blender: Object > Apply > Scale) and export it again"
+            "mesh file %s: its objects are stretched in several ways, and textures in tangent space fit "
+            "only some of them; apply their scale (in Blender: Object > Apply > Scale) and export it "
+            "again",
+            path,
         )
     with np.errstate(all="ignore"):  # what is not finite is refused later
         placed = [_placed(part, pose) for part, pose in zip(parts, poses, strict=True)]
@@ -406,8 +409,9 @@ def _read_glb(path: Path, shape_only: bool) -> Mesh:
     found = Polygons(vertices, corners, sizes, *shading, materials if named else None, objects)
     if found.tangents is not None and found.uvs is not None and _are_mirrored(found.tangents, found.uvs):
         log.warning(
-            f"mesh file {path}: the handedness of most of its tangents contradicts its UVs; the texture fits these "
-            "tangents and not those that programs such as Blender compute"
+            "mesh file %s: the handedness of most of its tangents contradicts its UVs; the texture fits "
+            "these tangents and not those that programs such as Blender compute",
+            path,
         )
     return _of_polygons(found, shape_only, frame)
 

@@ -114,7 +114,7 @@ class Window:
 
     @contextmanager
     def film(self, path: Path, width: int = 800) -> Iterator[None]:
-        """An animated WebP of the window as long as the context lasts, without the times when nothing changes.
+        """An animated WebP of viewport and sidebar as long as the context lasts, without times when nothing changes.
 
         Only where MPSNET_SCREENSHOTS says where it goes. It needs Pillow.
         """
@@ -127,7 +127,8 @@ class Window:
 
         def record() -> None:
             while not ended.is_set():
-                subprocess.run([*self.screen, "import", "-window", "root", "-resize", str(width), file], check=True)
+                shown = ["-crop", f"{EDITORS}x{BELOW - 24}+0+24", "-resize", str(width)]
+                subprocess.run([*self.screen, "import", "-window", "root", *shown, file], check=True)
                 with Image.open(file) as picture:
                     frame = picture.convert("RGB")
                 changed = ImageChops.difference(frame, frames[-1]) if frames else frame

@@ -80,9 +80,10 @@ def test_places_are_clicked_in_turn_moved_deleted_and_taken_back(picking, album,
     found = stands()
     assert found["areas"].count("IMAGE_EDITOR") == 1
     pixels, points = found["pixels"], seen(found)
-    for number, ((_, pixel), (_, point)) in enumerate(zip(pixels, points, strict=False)):
-        for place in (pixel, point) if number % 2 == 0 else (point, pixel):
-            click(window, place)
+    with window.film(album / "pick_points.webp"):
+        for number, ((_, pixel), (_, point)) in enumerate(zip(pixels, points, strict=False)):
+            for place in (pixel, point) if number % 2 == 0 else (point, pixel):
+                click(window, place)
     click(window, pixels[4][1])  # half a pair, which is none
     window.photograph(album / "pick_points.png")
     picked = stands()["pairs"]

@@ -90,12 +90,17 @@ def test_a_mesh_and_a_photo_become_a_lit_object_in_three_clicks(window, album, t
     imported(window, tmp_path)
     window.photograph(album / "panel_scan_before.png", beside=200)
     window.ask("photo", str(tmp_path / "photo.exr"))
-    window.click(*window.find("mps.scan"))
-    window.wait(lambda state: state["progress"] > 0.1, "progress of the camera")
-    window.photograph(album / "panel_scan_running.png", beside=200)
-    window.wait(lambda state: "MPS Alignment" in state["images"], "camera")
-    window.wait(lambda state: "MPS Normals" in state["images"], "normals")
-    done = window.wait(lambda state: not state["running"] and "MPS White Lamp" in state["objects"], "end of the scan")
+    button = window.find("mps.scan")
+    with window.film(album / "scan.webp"):
+        window.click(*button)
+        window.wait(lambda state: state["progress"] > 0.1, "progress of the camera")
+        window.photograph(album / "panel_scan_running.png", beside=200)
+        window.wait(lambda state: "MPS Alignment" in state["images"], "camera")
+        window.wait(lambda state: "MPS Normals" in state["images"], "normals")
+        done = window.wait(
+            lambda state: not state["running"] and "MPS White Lamp" in state["objects"], "end of the scan"
+        )
+        window.input("sleep", "6")
     assert not any(done["errors"].values())
     assert {"MPS Alignment", "MPS Normals", "MPS statue"} <= set(done["images"])
     assert "MPS Normal" in done["nodes"] and "Slant" in done["found"]

@@ -22,6 +22,10 @@ min((area for area in window.screen.areas if area.type == "VIEW_3D"), key=lambda
 """
 
 
+# Where the dividers of Before / After are at first, as shares of the width of viewport and tools.
+DIVIDERS = 0.51, 0.64
+
+
 def viewport(window: Window) -> np.ndarray:
     """(H, W, 3) of the viewport without its sidebar."""
     left, top, _, height = window.state["sidebar"]
@@ -33,14 +37,30 @@ def work(window: Window, operator: str, **settings) -> None:
     window.wait(lambda state: not state["running"], f"end of {operator}")
 
 
+def sweep(window: Window, right: int, top: int) -> None:
+    """The light once around the object, and then both dividers over it and back."""
+    for angle in np.arange(0, 2 * np.pi, np.pi / 12):
+        x, y = right * (0.55 + 0.4 * np.cos(angle)), top + 400 - 300 * np.sin(angle)
+        window.input("mousemove", round(x), round(y), "sleep", "0.4")
+    dividers = [round(right * share) for share in DIVIDERS]
+    for number, divider in enumerate(dividers):
+        window.input("mousemove", divider, top + 700, "mousedown", 1)
+        for x in [*np.linspace(divider, right * (0.3 if number else 0.8), 8), *[divider] * 2]:
+            window.input("mousemove", round(float(x)), top + 700, "sleep", "0.4")
+        window.input("mouseup", 1)
+
+
 def test_try_it_ends_in_before_and_after_and_then_in_relight(unfolded, album):
     window = unfolded
     if not os.environ.get("MPSNET_SCREENSHOTS"):
         window.ask("run", NARROW)
         window.wait(lambda state: state["sidebar"], "sidebar of what is left")
-    window.click(*window.find("mps.try_it"))
-    window.wait(lambda state: "MPS White Lamp" in state["objects"], "result of Try It")
-    done = window.wait(lambda state: not state["running"], "end of Try It")
+    button = window.find("mps.try_it")
+    with window.film(album / "try_it.webp"):
+        window.click(*button)
+        window.wait(lambda state: "MPS White Lamp" in state["objects"], "result of Try It")
+        done = window.wait(lambda state: not state["running"], "end of Try It")
+        window.input("sleep", "2")
     assert {"MPS Photo", "MPS Normals", "MPS Demo Low Poly"} <= set(done["images"])
     assert not any(done["errors"].values())
 
@@ -68,6 +88,9 @@ def test_try_it_ends_in_before_and_after_and_then_in_relight(unfolded, album):
     )
     assert changed(1.5) < 500
     window.photograph(album / "tour_try_it.png", beside=EDITORS)
+    if os.environ.get("MPSNET_SCREENSHOTS"):
+        with window.film(album / "before_after.webp"):
+            sweep(window, right, top)
     # A divider that is dragged to the right uncovers the plain mesh, which has no colours.
     colourful = np.ptp(lit[1], axis=-1).mean()
     window.input("mousemove", right - 200, top + 550, "mousedown", 1, "sleep", "0.3")

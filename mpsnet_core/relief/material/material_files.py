@@ -176,7 +176,7 @@ def normals_by_photo(options: MakeMaterial, capture: Capture, progress: Progress
     steep = [float(np.arccos(np.clip(one.vectors[capture.mask][:, 2], -1, 1)).mean()) for one in (matt, network)]
     glossy = steep[0] > GLOSSY * steep[1]
     kind, model = ("glossy", DEFAULT_MODEL) if glossy else ("matt", LAMBERTIAN_GREY_WORLD)
-    log.info(f"the photo shows a {kind} material: its normals are those of {model}")
+    log.info("the photo shows a %s material: its normals are those of %s", kind, model)
     return network if glossy else matt
 
 
