@@ -38,9 +38,7 @@ def in_object_space(texture: Texture, mesh: Mesh) -> np.ndarray:
 @pytest.mark.parametrize("layout", ["whole", "mirrored"])
 @pytest.mark.parametrize("projection", ["orthographic", "perspective"])
 @pytest.mark.parametrize("scale", [(1, 1, 1), (1.5, 0.6, 1.1), (-1, 1, 1.3)])
-def test_one_view_gives_each_texel_the_normal_behind_it(
-    layout: str, projection: str, scale: tuple[float, float, float]
-) -> None:
+def test_one_view_gives_each_texel_its_normal(layout: str, projection: str, scale: tuple[float, float, float]) -> None:
     """The texel's point lies on a flat triangle; the view shows the smooth sphere there, so that is what to bake."""
     pose = affine(scale)
     mesh = sphere_mesh(layout=layout, world_from_object=pose)

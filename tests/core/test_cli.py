@@ -67,7 +67,7 @@ def test_the_options_reach_the_estimate(tmp_path: Path, mpsnet, rig_file: Path, 
 
 
 @pytest.mark.parametrize(("level", "shown"), [("info", 2), ("warning", 1), ("ERROR", 0), ("loud", None)])
-def test_the_environment_says_which_notes_are_shown(
+def test_the_environment_chooses_the_notes(
     tmp_path: Path,
     mpsnet,
     rig_file: Path,
@@ -224,9 +224,7 @@ def test_an_answer_that_cannot_be_written_is_reported_once() -> None:
 @pytest.mark.skipif(sys.platform == "win32", reason="POSIX signals")
 @pytest.mark.long
 @pytest.mark.parametrize("how", [signal.SIGTERM, signal.SIGINT], ids=["SIGTERM", "SIGINT"])
-def test_an_estimate_of_many_frames_that_is_stopped_leaves_whole_files_only(
-    tmp_path: Path, rig_file: Path, sphere: Sphere, how: signal.Signals
-) -> None:
+def test_a_stopped_estimate_of_many_frames_leaves_whole_files_only(tmp_path, rig_file, sphere, how):
     shots, out, count = tmp_path / "shots", tmp_path / "out", 400
     shots.mkdir()
     large = write_file(shots / "frame_0000.tif", np.tile(sphere.image, (4, 4, 1)), "uint16")

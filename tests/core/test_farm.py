@@ -88,9 +88,7 @@ def test_nothing_is_written_through_a_link_in_the_folder(tmp_path: Path) -> None
 def test_when_all_fail_it_stops(tmp_path: Path) -> None:
     for number in range(200):
         (tmp_path / f"fail_{number}").touch()
-    with pytest.raises(
-        InputError, match=rf"{FAILURES_IN_A_ROW} samples in a row failed.*sample \d+ shows nothing"
-    ):
+    with pytest.raises(InputError, match=rf"{FAILURES_IN_A_ROW} samples in a row failed.*sample \d+ shows nothing"):
         run(tmp_path, 200)
     assert len(begun(tmp_path)) < 200
 

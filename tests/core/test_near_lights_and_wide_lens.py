@@ -182,9 +182,7 @@ def estimate(bench: Path, *arguments: str) -> int:
     ],
     ids=["mesh", "mesh by trimesh", "target", "distance"],
 )
-def test_the_command_line_takes_camera_and_distance(
-    bench: Path, close: Scene, arguments: tuple[str, ...], degrees: float
-) -> None:
+def test_the_command_takes_camera_and_distance(bench: Path, close: Scene, arguments: tuple[str, ...], degrees: float):
     assert estimate(bench, *arguments) == 0
     found = read_normals(bench / "normals.exr").vectors
     assert degrees_between(found, close.normals)[close.lit].mean() < degrees

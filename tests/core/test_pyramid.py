@@ -146,9 +146,7 @@ def ramp(height: int, width: int) -> np.ndarray:
 @pytest.mark.parametrize("tilts", [(90, 210, 330), (5, 125, 245), (190, 70, 310), (280, 30, 150)])
 @pytest.mark.parametrize(("passes", "tile"), [(1, 1024), (2, 1024), (6, 1024), (2, 64)])
 @pytest.mark.parametrize("magnified", [1.0, 1.68])
-def test_the_coarse_answer_arrives_in_place(
-    tmp_path: Path, tilts: tuple[float, ...], passes: int, tile: int, magnified: float
-) -> None:
+def test_coarse_answers_arrive_in_place(tmp_path, tilts: tuple[float, ...], passes: int, tile: int, magnified: float):
     """Of 301 x 421 pixels it says something on 76 x 106 alone. Half a pixel off would be 1.2e-4 in the normals."""
     normals = ramp(301, 421)
     rig = LightRig(direction_from_angles([30.0, 30.0, 30.0], tilts))

@@ -46,9 +46,7 @@ def smooth(height: int = 48, width: int = 60) -> np.ndarray:
     ids=["nothing", "white balance", "colour matrix", "exposure"],
 )
 @pytest.mark.parametrize("pattern", [BAYER, "GBRG", X_TRANS])
-def test_flat_colours_come_through_whatever_the_file_says_of_their_looks(
-    tmp_path: Path, told: dict[str, tuple[float, ...]], pattern: str
-) -> None:
+def test_flat_colours_come_through_whatever_the_file_says(tmp_path, told: dict[str, tuple[float, ...]], pattern: str):
     path = write_dng(
         tmp_path / "a.dng", counted(mosaic(flat(), pattern)), pattern=pattern, black=BLACK, white=WHITE, **told
     )

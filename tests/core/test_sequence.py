@@ -324,9 +324,7 @@ def test_frames_without_an_object_are_left_out_and_the_others_made(tmp_path, mps
         np.testing.assert_array_equal(without.vectors, missing.vectors)
 
 
-def test_frames_without_an_object_cost_no_file_of_somebody_elses_and_a_wrong_mask_none_at_all(
-    tmp_path: Path, mpsnet, rig: Path
-) -> None:
+def test_an_empty_frame_costs_no_file_of_somebody_elses_and_a_wrong_mask_none_at_all(tmp_path, mpsnet, rig: Path):
     photos = shots(tmp_path / "shots", range(1, 4))
     command = ["estimate", tmp_path / "shots", "--rig", rig, "--model", "lambertian", "-o", tmp_path / "out"]
     mpsnet(*command)

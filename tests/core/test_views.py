@@ -555,9 +555,7 @@ def test_what_cannot_be_baked_is_reported_before_anything_is_estimated(table: Ta
 
 
 @pytest.mark.parametrize("break_it", [small_photo, broken_photo], ids=lambda function: function.__name__)
-def test_a_photo_that_cannot_be_had_is_reported_before_any_is_estimated(
-    table: Table, break_it: Callable[[Table], None]
-) -> None:
+def test_a_photo_that_cannot_be_had_is_reported_before_any_estimate(table: Table, break_it: Callable[[Table], None]):
     break_it(table)
     with pytest.raises(InputError, match="view side1: "):
         table.run("--keep", table / "kept")
