@@ -6,15 +6,7 @@ from typing import Any
 import bpy
 
 from ..appearance.displacement import remove_displacement, remove_object_normals
-from ..appearance.nodes import (
-    ALBEDO_NODE,
-    GREEN_NODE,
-    NORMAL_NODE,
-    TEXTURE_NODE,
-    UV_NODE,
-    ensure_node,
-    find_node,
-)
+from ..appearance.nodes import ALBEDO_NODE, GREEN_NODE, NORMAL_NODE, TEXTURE_NODE, UV_NODE, ensure_node, find_node
 from ..appearance.shader_graph import normal_inputs, shaders_of, way_in
 from ..image_records import remember
 from .texture_owners import store_owners

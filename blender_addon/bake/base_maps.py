@@ -11,13 +11,7 @@ import bpy
 from mpsnet_core.bake.map_list import ListedMap
 from mpsnet_core.errors import InputError
 
-from ..appearance.nodes import (
-    GREEN_NODE,
-    NORMAL_NODE,
-    OBJECT_NORMAL_NODE,
-    TEXTURE_NODE,
-    find_node,
-)
+from ..appearance.nodes import GREEN_NODE, NORMAL_NODE, OBJECT_NORMAL_NODE, TEXTURE_NODE, find_node
 from ..appearance.shader_graph import End, Shader, before, node_before, shaders_of, uses_nodes
 from ..images import image_file, refuse_unsaved, tile_files
 from ..scene.objects import by_session_uid

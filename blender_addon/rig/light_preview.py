@@ -221,12 +221,7 @@ def _undone(*_: Any) -> None:
         preview.moved = True
 
 
-HANDLERS = {
-    "load_pre": end,
-    "depsgraph_update_post": _shape_changed,
-    "undo_post": _undone,
-    "redo_post": _undone,
-}
+HANDLERS = {"load_pre": end, "depsgraph_update_post": _shape_changed, "undo_post": _undone, "redo_post": _undone}
 
 
 def unregister() -> None:

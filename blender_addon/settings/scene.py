@@ -87,9 +87,7 @@ class MPS_PG_scene(bpy.types.PropertyGroup):
     rigs: CollectionProperty(name="Rigs", description="The scene's rigs, one at least", type=MPS_PG_one_of_rigs)
     blank: PointerProperty(type=MPS_PG_one_of_rigs, options={"HIDDEN"})
     chosen_rig: IntProperty(
-        name="Chosen Rig",
-        description="Number in the list, from 0, of the rig that the panel shows",
-        min=0,
+        name="Chosen Rig", description="Number in the list, from 0, of the rig that the panel shows", min=0
     )
     records: CollectionProperty(
         name="Records", description="How the last run of each operator ended", type=MPS_PG_record

@@ -1,4 +1,4 @@
-"""What tests make with Blender: plain materials, pictures by Cycles, image files."""
+"""What tests make with Blender: meshes, plain materials, pictures by Cycles, image files."""
 
 from pathlib import Path
 from typing import Any
@@ -92,3 +92,72 @@ def statue() -> "bpy.types.Object":
     bpy.ops.object.shade_smooth()
     obj.data.materials.append(matte())
     return obj
+
+
+def detailed_object(path: Path | None = None, subdivisions: int = 6) -> "bpy.types.Object":
+    """A mesh from a file, or one of our own with bumps of two sizes; about 2 across, smooth, at the origin.
+
+    subdivisions: of the ball that our own is made of; its faces are four times as many with each, 20480 with 6.
+    """
+    if path is None:
+        bpy.ops.mesh.primitive_ico_sphere_add(subdivisions=subdivisions)
+        obj = bpy.context.object
+        points = array_of(obj.data.vertices, "co", 3).astype(np.float64)
+        x, y, z = points.T
+        height = 0.06 * np.sin(4 * x) * np.sin(5 * y + 1) * np.cos(4 * z) + 0.012 * np.sin(23 * x + 3) * np.sin(
+            21 * y
+        ) * np.sin(25 * z + 1)
+        points *= 0.85 * (1 + height)[:, None]
+    else:
+        bpy.ops.wm.obj_import(filepath=str(path), forward_axis="Y", up_axis="Z")
+        obj = bpy.context.object
+        points = array_of(obj.data.vertices, "co", 3).astype(np.float64)
+        low, high = points.min(axis=0), points.max(axis=0)
+        points = (points - (low + high) / 2) * 2 / np.linalg.norm(high - low)
+    obj.data.vertices.foreach_set("co", points.astype(np.float32).ravel())
+    obj.data.update()
+    obj.data.polygons.foreach_set("use_smooth", [True] * len(obj.data.polygons))
+    obj.name = "Detailed"
+    return obj
+
+
+def simplified(detailed: "bpy.types.Object", faces: int) -> "bpy.types.Object":
+    """Its copy decimated to about `faces` triangles, with UVs."""
+    obj = detailed.copy()
+    obj.data, obj.name = detailed.data.copy(), "Simplified"
+    bpy.context.scene.collection.objects.link(obj)
+    activate(obj)
+    modifier = obj.modifiers.new("Decimate", "DECIMATE")
+    modifier.ratio = faces / len(obj.data.polygons)
+    bpy.ops.object.modifier_apply(modifier=modifier.name)
+    bpy.ops.object.mode_set(mode="EDIT")
+    bpy.ops.mesh.select_all(action="SELECT")
+    bpy.ops.uv.smart_project(island_margin=0.003)
+    bpy.ops.object.mode_set(mode="OBJECT")
+    return obj
+
+
+def activate(obj: "bpy.types.Object", *others: "bpy.types.Object") -> None:
+    bpy.ops.object.select_all(action="DESELECT")
+    for one in (obj, *others):
+        one.select_set(True)
+    bpy.context.view_layer.objects.active = obj
+
+
+def set_up_cycles(size: int) -> None:
+    scene = bpy.context.scene
+    scene.render.engine = "CYCLES"
+    scene.cycles.use_denoising = scene.cycles.use_adaptive_sampling = False
+    # One sample in the very middle of the pixel.
+    scene.cycles.pixel_filter_type, scene.cycles.filter_width = "BOX", 0.01
+    scene.render.film_transparent = True
+    scene.render.resolution_x = scene.render.resolution_y = size
+    scene.render.resolution_percentage = 100
+    write_exr_files(scene.render)
+    scene.render.image_settings.color_mode = "RGBA"
+
+
+def with_materials(*objects: "bpy.types.Object") -> None:
+    for obj in objects:
+        obj.data.materials.clear()
+        obj.data.materials.append(bpy.data.materials.new(obj.name))

@@ -11,9 +11,7 @@ from blender_addon.panels.photo_inputs import camera_of
 from blender_addon.panels.step import Kind
 from blender_addon.scene.camera import scene_camera
 from blender_addon.settings.record import notes_of
-from mpsnet_core.io.image_reading import read_image
-from mpsnet_core.io.image_writing import write_image
-from mpsnet_core.scene.camera import read_camera
+from mpsnet_core import read_camera, read_image, write_image
 
 from .rendering import STATUE
 

@@ -10,9 +10,8 @@ from blender_addon.images import image_file, load_photo
 from blender_addon.rig.light_rig import light_rig
 from blender_addon.scene.mesh_file import begin_mesh
 from blender_addon.settings.record import notes_of
+from mpsnet_core import read_mesh, read_rig
 from mpsnet_core.io.image_reading import read_channel
-from mpsnet_core.scene.mesh import read_mesh
-from mpsnet_core.scene.rig import read_rig
 
 from .rendering import matte, pixels, save_png, shader_of
 from .test_steps import Kind, MPS_PT_bake, stands

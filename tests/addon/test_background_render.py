@@ -14,10 +14,7 @@ import pytest
 
 from blender_addon.child_process.core_process import CoreProcess
 from blender_addon.photo.background_render import rendering_blender, written_job
-from mpsnet_core.errors import InputError
-from mpsnet_core.io.image_writing import write_image
-from mpsnet_core.scene.camera import read_camera
-from mpsnet_core.scene.rig import read_rig
+from mpsnet_core import InputError, read_camera, read_rig, write_image
 
 from .rendering import pixels, shader_of
 from .test_photo import everything, glowing
@@ -172,8 +169,8 @@ def test_pictures_whose_files_are_gone_since_are_as_they_are_here(small, scene, 
     np.testing.assert_allclose(pixels(tmp_path / "gone.exr"), pixels(tmp_path / "there.exr"), rtol=1e-4, atol=1e-5)
 
 
-def test_what_simulations_have_on_disk_is_there_in_the_copy(small, scene, tmp_path):
-    """Cloth that has fallen beside the sphere, a frame at a time, is as far down as here."""
+def fallen_cloth(scene):
+    """The cache on the disk of a cloth that falls beside the sphere for twelve frames."""
     bpy.ops.mesh.primitive_grid_add(x_subdivisions=4, y_subdivisions=4, size=1, location=(0.7, -1.2, 0))
     cloth = bpy.context.object
     cache = cloth.modifiers.new("Cloth", "CLOTH").point_cache
@@ -182,6 +179,12 @@ def test_what_simulations_have_on_disk_is_there_in_the_copy(small, scene, tmp_pa
     cache.use_disk_cache = True
     with bpy.context.temp_override(point_cache=cache):
         bpy.ops.ptcache.bake(bake=True)
+    return cache
+
+
+def test_what_simulations_have_on_disk_is_there_in_the_copy(small, scene, tmp_path):
+    """Cloth that has fallen beside the sphere, a frame at a time, is as far down as here."""
+    fallen_cloth(scene)
     scene.frame_set(12)
     kept = sorted((tmp_path / "blendcache_mine").iterdir())
     begin("normals", tmp_path / "beside.exr", tmp_path / "job").result()
@@ -216,13 +219,7 @@ def lifting(obj, folder, *, by_hand):
 
 def test_caches_and_bakes_in_folders_that_were_named_by_hand_are_found_from_the_copy(small, scene, tmp_path):
     """Cloth that has fallen, read from an external folder, and two cubes that a bake of geometry nodes lifts."""
-    bpy.ops.mesh.primitive_grid_add(x_subdivisions=4, y_subdivisions=4, size=1, location=(0.7, -1.2, 0))
-    cache = bpy.context.object.modifiers.new("Cloth", "CLOTH").point_cache
-    cache.frame_end = scene.frame_end = 12
-    cache.use_disk_cache = True
-    bpy.ops.wm.save_mainfile()
-    with bpy.context.temp_override(point_cache=cache):
-        bpy.ops.ptcache.bake(bake=True)
+    cache = fallen_cloth(scene)
     (tmp_path / "blendcache_mine").rename(tmp_path / "ext")
     cache.use_external, cache.index, cache.filepath = True, 0, "//ext"
     cache.name = next((tmp_path / "ext").iterdir()).name.split("_")[0]

@@ -8,9 +8,7 @@ from mathutils import Matrix, Vector
 
 from blender_addon.rig.light_rig import light_rig
 from blender_addon.scene.mesh_file import begin_mesh
-from mpsnet_core import angular_error, read_normals
-from mpsnet_core.errors import InputError
-from mpsnet_core.scene.mesh import read_mesh
+from mpsnet_core import InputError, angular_error, read_mesh, read_normals
 
 from .rendering import matte, pixels, shader_of
 from .test_photo import sphere_normals
@@ -34,14 +32,6 @@ def test_unasked_the_network_estimates(photographed, scene, tmp_path):
     assert angular_error(found.vectors, truth)[inner].mean() < 10
     confidence = pixels(tmp_path / "normals_confidence.exr")[..., 0]
     assert 0.5 < confidence[inner].mean() < 1
-
-
-def test_estimate_options_reach_the_core(photographed, scene, tmp_path):
-    bpy.ops.mps.estimate(
-        output=str(tmp_path / "n.exr"), mask="THRESHOLD", threshold=0.8, model="LAMBERTIAN_GREY_WORLD", confidence=True
-    )
-    assert read_normals(tmp_path / "n.exr").mask.mean() < pixels(tmp_path / "photo.exr")[..., 3].mean()
-    assert (tmp_path / "n_confidence.exr").is_file()
 
 
 @pytest.mark.parametrize("space", ["TANGENT", "OBJECT"])

@@ -15,58 +15,11 @@ from mesh_file import write_mesh
 from synthetic import degrees_between
 
 from blender_addon.images import pixels_of
-from mpsnet_core.bake.bake import View, bake_normals
-from mpsnet_core.scene.camera import Camera
-from mpsnet_core.scene.mesh import Mesh, read_mesh
-from mpsnet_core.scene.normal_map import NormalMap
-from mpsnet_core.scene.texture import write_texture
+from mpsnet_core import Camera, Mesh, NormalMap, View, bake_normals, read_mesh, write_texture
 
-from .rendering import array_of, nodes_of, pixels, write_exr_files
+from .rendering import activate, array_of, detailed_object, nodes_of, pixels, set_up_cycles, simplified, with_materials
 
 SIDES = [(1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0), (0, 0, 1), (0, 0, -1), (1, 1, 0.6), (-1, -1, 0.6)]
-
-
-def detailed_object(path: Path | None = None, subdivisions: int = 6) -> "bpy.types.Object":
-    """A mesh from a file, or one of our own with bumps of two sizes; about 2 across, smooth, at the origin.
-
-    subdivisions: of the ball that our own is made of; its faces are four times as many with each, 20480 with 6.
-    """
-    if path is None:
-        bpy.ops.mesh.primitive_ico_sphere_add(subdivisions=subdivisions)
-        obj = bpy.context.object
-        points = array_of(obj.data.vertices, "co", 3).astype(np.float64)
-        x, y, z = points.T
-        height = 0.06 * np.sin(4 * x) * np.sin(5 * y + 1) * np.cos(4 * z) + 0.012 * np.sin(23 * x + 3) * np.sin(
-            21 * y
-        ) * np.sin(25 * z + 1)
-        points *= 0.85 * (1 + height)[:, None]
-    else:
-        bpy.ops.wm.obj_import(filepath=str(path), forward_axis="Y", up_axis="Z")
-        obj = bpy.context.object
-        points = array_of(obj.data.vertices, "co", 3).astype(np.float64)
-        low, high = points.min(axis=0), points.max(axis=0)
-        points = (points - (low + high) / 2) * 2 / np.linalg.norm(high - low)
-    obj.data.vertices.foreach_set("co", points.astype(np.float32).ravel())
-    obj.data.update()
-    obj.data.polygons.foreach_set("use_smooth", [True] * len(obj.data.polygons))
-    obj.name = "Detailed"
-    return obj
-
-
-def simplified(detailed: "bpy.types.Object", faces: int) -> "bpy.types.Object":
-    """Its copy decimated to about `faces` triangles, with UVs."""
-    obj = detailed.copy()
-    obj.data, obj.name = detailed.data.copy(), "Simplified"
-    bpy.context.scene.collection.objects.link(obj)
-    activate(obj)
-    modifier = obj.modifiers.new("Decimate", "DECIMATE")
-    modifier.ratio = faces / len(obj.data.polygons)
-    bpy.ops.object.modifier_apply(modifier=modifier.name)
-    bpy.ops.object.mode_set(mode="EDIT")
-    bpy.ops.mesh.select_all(action="SELECT")
-    bpy.ops.uv.smart_project(island_margin=0.003)
-    bpy.ops.object.mode_set(mode="OBJECT")
-    return obj
 
 
 def mirror_half_of_the_uvs(obj: "bpy.types.Object") -> None:
@@ -96,13 +49,6 @@ def mirror_half_of_the_uvs(obj: "bpy.types.Object") -> None:
     uvs[:, 0] = np.where(turned, 1 - uvs[:, 0] / 2, uvs[:, 0] / 2)
     mesh.uv_layers.active.data.foreach_set("uv", uvs.ravel())
     mesh.update()
-
-
-def activate(obj: "bpy.types.Object", *others: "bpy.types.Object") -> None:
-    bpy.ops.object.select_all(action="DESELECT")
-    for one in (obj, *others):
-        one.select_set(True)
-    bpy.context.view_layer.objects.active = obj
 
 
 def mesh_of(obj: "bpy.types.Object") -> Mesh:
@@ -138,19 +84,6 @@ def render(path: Path, camera: "bpy.types.Object", visible: "bpy.types.Object", 
     scene.render.filepath = str(path)
     bpy.ops.render.render(write_still=True)
     return pixels(path)
-
-
-def set_up_cycles(size: int) -> None:
-    scene = bpy.context.scene
-    scene.render.engine = "CYCLES"
-    scene.cycles.use_denoising = scene.cycles.use_adaptive_sampling = False
-    # One sample in the very middle of the pixel.
-    scene.cycles.pixel_filter_type, scene.cycles.filter_width = "BOX", 0.01
-    scene.render.film_transparent = True
-    scene.render.resolution_x = scene.render.resolution_y = size
-    scene.render.resolution_percentage = 100
-    write_exr_files(scene.render)
-    scene.render.image_settings.color_mode = "RGBA"
 
 
 def camera_at(side: tuple[float, float, float], projection: str = "ORTHO") -> "bpy.types.Object":
@@ -213,12 +146,6 @@ def normals_of(colours: np.ndarray) -> np.ndarray:
     vectors = colours[..., :3] * 2 - 1
     length = np.linalg.norm(vectors, axis=-1, keepdims=True)
     return np.where(np.abs(length - 1) < 0.05, vectors / np.maximum(length, 1e-6), 0)
-
-
-def with_materials(*objects: "bpy.types.Object") -> None:
-    for obj in objects:
-        obj.data.materials.clear()
-        obj.data.materials.append(bpy.data.materials.new(obj.name))
 
 
 @pytest.fixture

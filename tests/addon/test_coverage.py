@@ -106,17 +106,6 @@ def test_the_photo_and_the_next_bake_go_on_below_the_coverage(baked, scene, tmp_
     assert not [obj for obj in bpy.data.objects if obj.name.startswith("MPS Coverage")]
 
 
-def test_the_viewport_that_shows_it_is_given_its_shading_back(baked):
-    view = next(area for area in bpy.context.window.screen.areas if area.type == "VIEW_3D")
-    shading = view.spaces.active.shading
-    shading.type = "SOLID"
-    with bpy.context.temp_override(area=view):
-        bpy.ops.mps.show_coverage()
-    assert shading.type == "MATERIAL"
-    bpy.ops.mps.show_coverage()
-    assert shading.type == "SOLID"
-
-
 def test_coverage_survives_the_file_and_its_copys_deletion(baked, scene, tmp_path):
     bpy.ops.mps.show_coverage()
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "shown.blend"))

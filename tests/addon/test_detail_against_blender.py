@@ -11,25 +11,12 @@ import numpy as np
 from mathutils import Matrix, Vector
 from synthetic import degrees_between
 
+from mpsnet_core import NormalMap, View, read_base_map, read_mesh, write_camera, write_normals
 from mpsnet_core.arrays.rasterize import texel_coordinates, triangle_of_texel
-from mpsnet_core.bake.bake import View
-from mpsnet_core.bake.base_maps import read_base_map
 from mpsnet_core.cli import main
-from mpsnet_core.scene.camera import write_camera
-from mpsnet_core.scene.mesh import read_mesh
-from mpsnet_core.scene.normal_map import NormalMap, write_normals
 
-from .rendering import array_of, save_png
-from .test_bake_against_blender import (
-    SIDES,
-    activate,
-    blenders_bake,
-    core_mesh,
-    normal_view,
-    set_up_cycles,
-    simplified,
-    with_materials,
-)
+from .rendering import activate, array_of, save_png, set_up_cycles, simplified, with_materials
+from .test_bake_against_blender import SIDES, blenders_bake, core_mesh, normal_view
 
 SIZE = 320
 FLAT = np.array([0, 0, 1.0])

@@ -14,19 +14,8 @@ from blender_addon.settings.record import notes_of
 from mpsnet_core.io.image_writing import write_image
 from mpsnet_core.scene.normal_encoding import encode
 
-from .rendering import array_of, shader_of
-from .test_bake_against_blender import (
-    TURN,
-    add_sun,
-    blenders_bake,
-    camera_at,
-    detailed_object,
-    dressed,
-    render,
-    set_up_cycles,
-    simplified,
-    with_materials,
-)
+from .rendering import array_of, detailed_object, set_up_cycles, shader_of, simplified, with_materials
+from .test_bake_against_blender import TURN, add_sun, blenders_bake, camera_at, dressed, render
 
 SIZE = 512
 

@@ -18,8 +18,7 @@ from mathutils.bvhtree import BVHTree
 from blender_addon.settings.record import notes_of
 from mpsnet_core import read_image
 
-from .rendering import array_of, shader_of
-from .test_bake_against_blender import activate
+from .rendering import activate, array_of, shader_of
 from .test_presets import EXPECTED, SIDE, seen
 
 __all__ = ["seen"]

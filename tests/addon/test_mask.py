@@ -10,10 +10,7 @@ from dng import write_dng
 from blender_addon.images import pixels_of
 from blender_addon.panels.estimate import MPS_PT_estimate
 from blender_addon.panels.step import Kind, State
-from mpsnet_core.io.image_reading import read_image, read_mask
-from mpsnet_core.io.image_writing import write_image
-from mpsnet_core.scene.normal_map import read_normals
-from mpsnet_core.scene.rig import published_rig, write_rig
+from mpsnet_core import published_rig, read_image, read_mask, read_normals, write_image, write_rig
 
 
 @pytest.fixture

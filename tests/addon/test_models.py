@@ -3,8 +3,7 @@
 import bpy
 import numpy as np
 
-from mpsnet_core.arrays.unit_vectors import angular_error
-from mpsnet_core.scene.normal_map import read_normals
+from mpsnet_core import angular_error, read_normals
 
 
 def test_models_that_are_not_offered_keep_their_names_and_their_places_in_files(scene):

@@ -12,10 +12,7 @@ from blender_addon.photo.align import _camera_object
 from blender_addon.photo.camera import take_pairs_along
 from blender_addon.scene.camera import scene_camera
 from blender_addon.settings.record import result_of
-from mpsnet_core import NormalMap, read_normals
-from mpsnet_core.errors import InputError
-from mpsnet_core.scene.camera import read_camera
-from mpsnet_core.scene.normal_map import write_normals
+from mpsnet_core import InputError, NormalMap, read_camera, read_normals, write_normals
 
 from .rendering import pixels
 

@@ -4,10 +4,7 @@ import bpy
 import numpy as np
 import pytest
 
-from mpsnet_core.arrays.unit_vectors import angular_error
-from mpsnet_core.scene.camera import read_camera
-from mpsnet_core.scene.normal_map import read_normals
-from mpsnet_core.scene.rig import LightRig, read_rig, write_rig
+from mpsnet_core import LightRig, angular_error, read_camera, read_normals, read_rig, write_rig
 
 SIZE = 96
 

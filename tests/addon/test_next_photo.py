@@ -6,8 +6,7 @@ import bpy
 import pytest
 
 from blender_addon.panels.estimate import MPS_PT_estimate
-from mpsnet_core.io.image_reading import read_image
-from mpsnet_core.io.image_writing import write_image
+from mpsnet_core import read_image, write_image
 
 
 @pytest.fixture

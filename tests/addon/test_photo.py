@@ -11,8 +11,7 @@ from blender_addon.photo.studio import render_normals
 from blender_addon.rig.light_rig import light_rig
 from blender_addon.scene.camera import scene_camera
 from blender_addon.settings.record import notes_of
-from mpsnet_core.io.image_reading import read_image
-from mpsnet_core.io.image_writing import write_image
+from mpsnet_core import read_image, write_image
 
 from .rendering import matte, pixels, shader_of
 

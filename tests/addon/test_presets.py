@@ -13,16 +13,8 @@ from blender_addon.image_records import remember
 from blender_addon.images import load_image
 from mpsnet_core import read_image, write_camera, write_normals
 
-from .rendering import matte
-from .test_bake_against_blender import (
-    add_sun,
-    camera_at,
-    detailed_object,
-    normal_view,
-    set_up_cycles,
-    simplified,
-    with_materials,
-)
+from .rendering import detailed_object, matte, set_up_cycles, simplified, with_materials
+from .test_bake_against_blender import add_sun, camera_at, normal_view
 
 # What each program's documentation says: the file of an object called "Old Oak", whether green is up, bits.
 EXPECTED = {

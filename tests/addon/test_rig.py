@@ -102,16 +102,6 @@ def test_removing_takes_the_rigs_own_collection_alone(sphere, scene):
     assert list(bpy.data.collections) == [mine]
 
 
-def test_renaming_and_saving_keep_the_rig(sphere, scene, tmp_path):
-    bpy.ops.mps.add_rig(slant=25)
-    for obj in bpy.data.objects:
-        obj.name = f"renamed {obj.name}"
-    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "scene.blend"))
-    bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "scene.blend"))
-    assert angles_apart(light_rig(bpy.context.scene).slants, 25).max() < EXACT
-    assert bpy.context.scene.mps.rig.slant == 25
-
-
 def test_lights_of_unlike_colour_and_strength_mix(sphere, scene):
     bpy.ops.mps.add_rig()
     red, green, _ = (light.object.data for light in scene.mps.rig.lights)

@@ -1,20 +1,15 @@
 """Samples that Cycles renders, against what is known of them without Cycles."""
 
 from dataclasses import replace
-from pathlib import Path
 
 import bpy
 import numpy as np
-import OpenImageIO as oiio
 import pytest
 
 from blender_addon.training.samples.objects import open_objects
 from blender_addon.training.samples.render import render_sample
+from mpsnet_core import Camera, InputError, published_rig
 from mpsnet_core.arrays.unit_vectors import angular_error, normalised
-from mpsnet_core.errors import InputError
-from mpsnet_core.scene.camera import Camera
-from mpsnet_core.scene.rig import published_rig
-from mpsnet_core.synthesis.cycles import sample_from_cycles
 from mpsnet_core.synthesis.scene_description import Bump, Material, Pattern, SceneDescription
 from mpsnet_core.synthesis.shading.pattern import material_weights
 from mpsnet_core.synthesis.shapes.shape import Shape, joined, smooth_shape
@@ -296,49 +291,3 @@ def test_own_objects_are_brought_to_unit_size_with_their_own_materials(scene_fil
 def test_objects_that_cannot_be_shown(names, sentence, scene_file):
     with pytest.raises(InputError, match=sentence):
         open_objects(scene_file, names)
-
-
-# --- the file that Blender writes -------------------------------------------------------------------------------------
-
-
-@pytest.fixture(scope="module")
-def layers(tmp_path_factory):
-    """What Blender wrote for :func:`recipe` with four materials, which need two passes of weights."""
-    path = tmp_path_factory.mktemp("layers") / "layers.exr"
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(Path, "unlink", lambda self, missing_ok=False: self.rename(path) if self.is_file() else None)
-        render_sample(four_materials(), sphere(rings=16), 4, path.with_name("sample.exr"))
-    return path
-
-
-def four_materials() -> SceneDescription:
-    return recipe(materials=(RED, GREEN, BLUE, WHITE), pattern=Pattern("stripes", scale=2.0))
-
-
-def read(path: Path, told: SceneDescription | None = None):
-    shape = sphere(rings=16)
-    return sample_from_cycles(path, told or four_materials(), shape.vertices, shape.triangles, "test")
-
-
-@pytest.mark.parametrize("share", [0.0, 0.1, 0.5, 0.99])
-def test_a_render_that_was_cut_short(layers, tmp_path, share):
-    cut = tmp_path / "cut.exr"
-    cut.write_bytes(layers.read_bytes()[: int(share * layers.stat().st_size)])
-    with pytest.raises(InputError, match=r"cut.exr .*cut short.*; make the sample again"):
-        read(cut)
-
-
-def test_a_file_that_is_no_render_of_the_recipe(layers, tmp_path):
-    other = tmp_path / "other.exr"
-    image = oiio.ImageBuf(oiio.ImageSpec(SIZE, SIZE, 4, "float"))
-    image.write(str(other))
-    with pytest.raises(InputError, match=r"other.exr has no Combined pass; it is not a render of a sample"):
-        read(other)
-    with pytest.raises(InputError, match=r"layers.exr has no weights6 pass"):
-        read(layers, recipe(materials=(WHITE,) * 7))
-    with pytest.raises(InputError, match=r"layers.exr has no Material Index pass"):
-        read(layers, recipe(materials=()))
-    with pytest.raises(InputError, match=r"layers.exr is 64 x 64, not 32 x 32"):
-        read(layers, replace(four_materials(), camera=camera("orthographic", size=32)))
-    with pytest.raises(InputError, match=r"render .*gone.exr does not exist"):
-        read(tmp_path / "gone.exr")

@@ -10,12 +10,7 @@ import pytest
 from blender_addon.bake.animated_mesh import AnimatedMesh
 from blender_addon.scene.mesh_file import begin_mesh
 from blender_addon.settings.record import notes_of
-from mpsnet_core.errors import InputError
-from mpsnet_core.io.image_reading import read_image
-from mpsnet_core.io.image_writing import write_image
-from mpsnet_core.scene.camera import read_camera
-from mpsnet_core.scene.normal_map import read_normals
-from mpsnet_core.scene.rig import published_rig, write_rig
+from mpsnet_core import InputError, published_rig, read_camera, read_image, read_normals, write_image, write_rig
 
 NUMBERS = range(8, 12)
 
@@ -75,27 +70,6 @@ def test_a_broken_frame_is_noted_and_the_others_shown(shots, scene, tmp_path):
     assert numbers == ["0008", "0010", "0011"]
     assert (scene.mps.estimate.first_frame, scene.mps.estimate.last_frame) == (8, 11)
     assert [broken.name in note for note in notes_of(scene, "estimate")].count(True) == 1
-
-
-def test_a_video_becomes_a_sequence_of_normals(shots, scene, tmp_path):
-    av = pytest.importorskip("av")
-    lights = published_rig().directions
-    with av.open(str(tmp_path / "clip.mkv"), "w") as container:
-        stream = container.add_stream("ffv1", rate=24)
-        stream.width = stream.height = 48
-        stream.pix_fmt = "bgr0"
-        for number in NUMBERS:
-            values = (255 * ball(10 + number, lights)[..., :3] ** (1 / 2.2)).astype(np.uint8)
-            container.mux(stream.encode(av.VideoFrame.from_ndarray(values, format="rgb24").reformat(format="bgr0")))
-        container.mux(stream.encode())
-    bpy.ops.mps.open_photo(filepath=str(tmp_path / "clip.mkv"))
-    assert scene.mps.photo.image.source == "MOVIE"
-    bpy.ops.mps.estimate(
-        model="LAMBERTIAN", rig_file=str(tmp_path / "rig.json"), mask="THRESHOLD", threshold=0.05, smooth=1
-    )
-    estimate = scene.mps.estimate
-    assert (estimate.image.source, estimate.first_frame, estimate.last_frame) == ("SEQUENCE", 1, 4)
-    assert len(list(next(tmp_path.glob("*_Scene_normals")).iterdir())) == 4
 
 
 @pytest.fixture

@@ -9,14 +9,9 @@ import pytest
 
 from blender_addon.settings.declared import options_of
 from blender_addon.settings.messages import in_blender
-from mpsnet_core.bake.operations import Bake, BakeViews
-from mpsnet_core.calibrate.operations import CalibrateLights
-from mpsnet_core.capture.operations import Superpose
-from mpsnet_core.errors import InputError
-from mpsnet_core.estimate.operations import Estimate
+from mpsnet_core import Bake, BakeViews, CalibrateLights, Estimate, InputError, Superpose, Synthesize
 from mpsnet_core.operation import settings as options
 from mpsnet_core.relief.operations import Integrate, MakeMaterial
-from mpsnet_core.synthesis.operations import Synthesize
 
 # Run by a process of its own: what it finds in the file is what was saved, not what this process still knows.
 READS = """

@@ -64,26 +64,20 @@ def move_the_camera(scene, tmp_path):
     bpy.context.view_layer.update()
 
 
-def make_the_photo_larger(scene, tmp_path):
-    scene.mps.photo.width = 64
+def setting(step, **values):
+    """Gives a step's settings these values."""
 
+    def spoil(scene, tmp_path):
+        for name, value in values.items():
+            setattr(getattr(scene.mps, step), name, value)
 
-def choose_another_model(scene, tmp_path):
-    scene.mps.estimate.model = "LAMBERTIAN_GREY_WORLD"
-
-
-def take_the_photo_again(scene, tmp_path):
-    bpy.ops.mps.render_photo()
+    return spoil
 
 
 def export_the_photo_again(scene, tmp_path):
     bpy.data.scenes.new("Other")  # nothing of Blender's is touched but a file
     path = tmp_path / "photo.exr"
     path.write_bytes(path.read_bytes() + b"\0")
-
-
-def estimate_again(scene, tmp_path):
-    bpy.ops.mps.estimate()
 
 
 def reshape_the_target(scene, tmp_path):
@@ -95,11 +89,11 @@ def reshape_the_target(scene, tmp_path):
     [
         (move_a_light, MPS_PT_photo, "Lights"),
         (move_the_camera, MPS_PT_photo, "Camera"),
-        (make_the_photo_larger, MPS_PT_photo, "Width"),
-        (choose_another_model, MPS_PT_estimate, "Model"),
-        (take_the_photo_again, MPS_PT_estimate, "Photo"),
+        (setting("photo", width=64), MPS_PT_photo, "Width"),
+        (setting("estimate", model="LAMBERTIAN_GREY_WORLD"), MPS_PT_estimate, "Model"),
+        (lambda *_: bpy.ops.mps.render_photo(), MPS_PT_estimate, "Photo"),
         (export_the_photo_again, MPS_PT_estimate, "Photo"),
-        (estimate_again, MPS_PT_bake, "Normals"),
+        (lambda *_: bpy.ops.mps.estimate(), MPS_PT_bake, "Normals"),
         (reshape_the_target, MPS_PT_bake, "Mesh"),
     ],
 )
@@ -197,16 +191,6 @@ def test_it_is_doubted_that_the_virtual_rig_lit_a_real_photo(photographed, scene
     assert lights_of(scene).doubt == ""
 
 
-def setting(step, **values):
-    """Gives a step's settings these values."""
-
-    def spoil(scene, tmp_path):
-        for name, value in values.items():
-            setattr(getattr(scene.mps, step), name, value)
-
-    return spoil
-
-
 def removing(name):
     return lambda scene, tmp_path: (tmp_path / name).unlink()
 
@@ -241,10 +225,6 @@ def no_camera_saw_the_normals(scene, tmp_path):
 def no_uv_map(scene, tmp_path):
     mesh = bpy.context.object.data
     mesh.uv_layers.remove(mesh.uv_layers[0])
-
-
-def no_faces(scene, tmp_path):
-    bpy.context.object.data.clear_geometry()
 
 
 def the_photo_has_no_file(scene, tmp_path):
@@ -310,7 +290,7 @@ def the_photo_measures_nobody_knows_what(scene, tmp_path):
         (MPS_PT_bake, no_camera_saw_the_normals),
         (MPS_PT_bake, no_uv_map),
         (MPS_PT_bake, setting("bake", uv_map="Gone")),
-        (MPS_PT_bake, no_faces),
+        (MPS_PT_bake, lambda *_: bpy.context.object.data.clear_geometry()),
         (MPS_PT_bake, the_target_was_deleted),
         (MPS_PT_bake, no_shader_takes_a_normal),
         (MPS_PT_bake, nothing_is_selected_to_bake_onto),

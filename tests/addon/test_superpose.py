@@ -9,10 +9,7 @@ from synthetic import degrees_between, shaded_sphere
 
 from blender_addon.panels.photo import MPS_PT_superpose
 from blender_addon.panels.step import Kind
-from mpsnet_core.io.image_reading import read_image
-from mpsnet_core.io.image_writing import write_image
-from mpsnet_core.scene.normal_map import read_normals
-from mpsnet_core.scene.rig import write_rig
+from mpsnet_core import read_image, read_normals, write_image, write_rig
 
 from .test_steps import stands
 

@@ -7,9 +7,7 @@ import numpy as np
 import pytest
 from height_shapes import ball
 
-from mpsnet_core import Camera
-from mpsnet_core.relief.height_files import write_height
-from mpsnet_core.relief.surface_mesh import surface_mesh, write_surface_mesh
+from mpsnet_core import Camera, surface_mesh, write_height, write_surface_mesh
 
 # A camera that stands 20 before the world's origin, looks along +y and is 30 up: its right is x, its up z.
 POSE = np.array([[1, 0, 0, 10.0], [0, 0, -1, -20], [0, 1, 0, 30], [0, 0, 0, 1]])

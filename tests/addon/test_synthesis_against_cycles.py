@@ -7,11 +7,10 @@ import pytest
 import trimesh
 
 from blender_addon.training.samples.render import render_sample
+from mpsnet_core import Camera, Sample
 from mpsnet_core.arrays.mask_regions import dilated, eroded
-from mpsnet_core.scene.camera import Camera
 from mpsnet_core.scene.rig import direction_from_angles
 from mpsnet_core.synthesis.reflectance import load_reflectance
-from mpsnet_core.synthesis.sample import Sample
 from mpsnet_core.synthesis.scene_description import Material, SceneDescription
 from mpsnet_core.synthesis.shading.synthesise import synthesise
 from mpsnet_core.synthesis.shapes.shape import Shape, faceted_shape, joined, smooth_shape

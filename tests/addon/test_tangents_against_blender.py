@@ -1,7 +1,6 @@
 """Tangents and normals that the core computes from mesh files, against Blender's own, corner by corner."""
 
 import math
-from collections.abc import Callable
 from pathlib import Path
 
 import bmesh
@@ -13,8 +12,6 @@ from blender_addon.scene.mesh_file import begin_mesh
 from mpsnet_core.scene.mesh import Mesh, read_mesh
 
 from .rendering import array_of
-
-Build = Callable[[], None]
 
 
 def triangulated(obj: "bpy.types.Object") -> None:
@@ -229,22 +226,6 @@ def test_quads_have_blenders_tangents(scene, tmp_path, shape):
     assert np.abs(found.tangents - expected)[holds_texels].max() < 1e-3
 
 
-@pytest.mark.parametrize("written", [written_obj, written_ply], ids=["obj", "ply"])
-@pytest.mark.parametrize("shape", [uv_sphere, monkey, uneven_grid], ids=lambda shape: shape.__name__)
-def test_quads_of_a_file_have_blenders_tangents(scene, tmp_path, shape, written):
-    shape()
-    mesh = bpy.context.object.data
-    mesh.polygons.foreach_set("use_smooth", [True] * len(mesh.polygons))
-    found = written(tmp_path / f"mesh.{written.__name__[-3:]}")
-    mesh.calc_tangents()
-    positions = array_of(mesh.vertices, "co", 3)[[loop.vertex_index for loop in mesh.loops]]
-    theirs = np.concatenate([positions, array_of(mesh.uv_layers.active.data, "uv", 2)], axis=1)
-    ours = np.concatenate([found.vertices[found.triangles], found.uvs], axis=2)
-    apart = np.abs(ours[:, :, None] - theirs).max(axis=-1)
-    assert apart.min(axis=-1).max() < 1e-4
-    assert np.abs(found.tangents[..., :3] - array_of(mesh.loops, "tangent", 3)[apart.argmin(axis=-1)]).max() < 1e-3
-
-
 def test_polygons_beside_quads_have_the_tangents_of_their_triangles(scene, tmp_path):
     """Blender has none for a mesh with such polygons. Sides and caps are flat with even UVs: however they are
     triangulated, a corner's tangent is the same."""
@@ -261,22 +242,3 @@ def test_polygons_beside_quads_have_the_tangents_of_their_triangles(scene, tmp_p
     assert len(ours) == len(theirs) and apart.min(axis=1).max() < 1e-3
     expected = blender.tangents.reshape(-1, 4)[apart.argmin(axis=1)]
     assert np.abs(found.tangents.reshape(-1, 4) - expected).max() < 1e-3
-
-
-@pytest.mark.parametrize("shape", SHAPES, ids=lambda shape: shape.__name__)
-def test_an_obj_without_normals_gets_blenders_smooth_ones(scene, tmp_path, shape):
-    shape()
-    obj = bpy.context.object
-    triangulated(obj)
-    obj.data.polygons.foreach_set("use_smooth", [True] * len(obj.data.polygons))
-    if "sharp_edge" in obj.data.attributes:
-        obj.data.attributes.remove(obj.data.attributes["sharp_edge"])
-    mesh = written_obj(tmp_path / "mesh.obj", export_normals=False)
-    blender = BlendersCorners(obj.data)
-    triangle, first = same_triangles(mesh, blender)
-    expected = blender.normals[triangle[:, None], (first[:, None] + np.arange(3)) % 3]
-    # Where the faces around a vertex cancel out, Blender's normal is zero.
-    directed = np.linalg.norm(expected, axis=-1) > 0.5
-    assert directed.mean() > 0.99
-    assert np.abs(mesh.corner_normals - expected)[directed].max() < 1e-3
-    assert_tangents_agree(mesh, blender)

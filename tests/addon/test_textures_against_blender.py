@@ -10,32 +10,16 @@ from mathutils import Matrix, Vector
 from synthetic import degrees_between
 
 from blender_addon.images import pixels_of
-from mpsnet_core.bake.bake import bake_texture_sets
-from mpsnet_core.bake.settings import BakeSettings
-from mpsnet_core.io.image_writing import write_image
-from mpsnet_core.scene.mesh import Labels, Mesh
-from mpsnet_core.scene.texture import Texture
+from mpsnet_core import BakeSettings, Labels, Mesh, Texture, bake_texture_sets, write_image
 from mpsnet_core.scene.texture_sets import TextureSet, texture_sets
 
-from .rendering import array_of, nodes_of
-from .test_bake_against_blender import (
-    SIDES,
-    activate,
-    core_mesh,
-    detailed_object,
-    normal_view,
-    normals_of,
-    set_up_cycles,
-    simplified,
-    with_materials,
-)
+from .rendering import activate, array_of, detailed_object, nodes_of, set_up_cycles, simplified, with_materials
+from .test_bake_against_blender import SIDES, core_mesh, normal_view, normals_of
 
 SIZE = 256
 
 
-def textures(
-    meshes: list[Mesh], tmp_path: Path, seen: "bpy.types.Object", **by: bool
-) -> list[tuple[TextureSet, Texture]]:
+def textures(meshes: list[Mesh], tmp_path, seen: "bpy.types.Object", **by: bool) -> list[tuple[TextureSet, Texture]]:
     """What is baked of eight renders of an object's normals."""
     views = [normal_view(side, seen, tmp_path / "view.exr", "ORTHO") for side in SIDES]
     return list(bake_texture_sets(meshes, views, texture_sets(meshes, **by), BakeSettings(size=SIZE, margin=0)))

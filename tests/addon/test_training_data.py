@@ -147,9 +147,7 @@ def test_a_cluster_elsewhere_is_reached_online_alone_and_where_it_proves_who_it_
         bpy.ops.mps.render_samples(**settings)
     assert not (tmp_path / "samples").exists()
     online(True)
-    with pytest.raises(
-        RuntimeError, match=r"anyone who answers at tcp://10.0.0.1:8786 could run code here; give a tls"
-    ):
+    with pytest.raises(RuntimeError, match=r"anyone who answers at tcp://10.0.0.1:8786 could run code here; give a"):
         bpy.ops.mps.render_samples(**settings)
     assert not (tmp_path / "samples").exists()
 

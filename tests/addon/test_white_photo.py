@@ -6,9 +6,7 @@ import pytest
 
 from blender_addon.panels.estimate import MPS_PT_estimate
 from blender_addon.panels.step import Kind
-from mpsnet_core.estimate.albedo import read_albedo
-from mpsnet_core.io.image_reading import read_image
-from mpsnet_core.io.image_writing import write_image
+from mpsnet_core import read_albedo, read_image, write_image
 
 from .rendering import shader_of
 

@@ -9,7 +9,6 @@ from mathutils import Matrix
 from mirror_ball import Scene, around, lamps_around, photograph
 from synthetic import degrees_between
 
-from blender_addon.commands import main
 from blender_addon.panels import CLASSES
 from blender_addon.panels.bake import MPS_PT_bake, lacks_targets
 from blender_addon.panels.estimate import MPS_PT_estimate
@@ -22,9 +21,7 @@ from blender_addon.panels.start import MPS_PT_start
 from blender_addon.panels.step import Kind, Step
 from blender_addon.scene.camera import scene_camera
 from blender_addon.settings.record import notes_of
-from mpsnet_core.io.image_writing import write_image
-from mpsnet_core.scene.camera import read_camera
-from mpsnet_core.scene.rig import read_rig
+from mpsnet_core import read_camera, read_rig, write_image
 
 from .rendering import STATUE
 
@@ -174,10 +171,3 @@ def test_scan_aligns_anew_with_another_mesh(bare, unlit):
     unlit.mps.bake.target = None
     with pytest.raises(RuntimeError, match="fits the photo poorly"):
         bpy.ops.mps.scan()
-
-
-def test_the_command_line_scans(bare, unlit, shot, tmp_path, capfd):
-    unlit.mps.photo.image = None
-    assert main(["scan", "--photo", str(shot / "photo.exr"), "--object", bare.name]) == 0
-    out = capfd.readouterr().out
-    assert all(f"{name}" in out for name in ("_rig.json", "_normals.png", "_normal.png"))

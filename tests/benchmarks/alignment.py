@@ -13,16 +13,13 @@ from pathlib import Path
 
 import numpy as np
 
-from mpsnet_core import Capture, read_mesh
+from mpsnet_core import Camera, Capture, NormalMap, published_rig, read_mesh
 from mpsnet_core.arrays.unit_vectors import rotation_matrices
 from mpsnet_core.estimate.alignment.points import USUAL_FOCAL, camera_from_points
 from mpsnet_core.estimate.alignment.pose import MeshFaces, Poses, spread_rotations
 from mpsnet_core.estimate.alignment.refine import PhotoPyramid, refine_camera
 from mpsnet_core.estimate.alignment.search import search_cameras
 from mpsnet_core.estimate.estimator import Estimator
-from mpsnet_core.scene.camera import Camera
-from mpsnet_core.scene.normal_map import NormalMap
-from mpsnet_core.scene.rig import published_rig
 
 BARS = np.array([0.3, 0.3, 1.5])
 

@@ -23,7 +23,8 @@ from quiet import quiet
 from surface_shapes import camera_looking, sphere_view
 
 from mpsnet_core.bake.bake import View, bake_normals
-from tests.addon.test_bake_against_blender import activate, detailed_object, mesh_of, simplified
+from tests.addon.rendering import activate, detailed_object, simplified
+from tests.addon.test_bake_against_blender import mesh_of
 
 MARGIN = 16
 

@@ -11,9 +11,7 @@ import numpy as np
 from memory import peak
 from surface_shapes import camera_looking, sphere_mesh, sphere_view
 
-from mpsnet_core.bake.bake import View, bake_normals
-from mpsnet_core.scene.mesh import Mesh
-from mpsnet_core.scene.texture import write_texture
+from mpsnet_core import Mesh, View, bake_normals, write_texture
 
 LARGE = 8192
 

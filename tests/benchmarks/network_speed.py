@@ -28,15 +28,13 @@ import onnxruntime
 from memory import peak_of_estimate
 from onnx import TensorProto, helper
 
-from mpsnet_core.capture.capture import Capture
+from mpsnet_core import Capture, LightRig, published_rig, write_image, write_rig
 from mpsnet_core.estimate.card import CARD_KEY
 from mpsnet_core.estimate.estimator import Estimator
 from mpsnet_core.estimate.onnx_model import OnnxModel
 from mpsnet_core.estimate.registry import find_network
-from mpsnet_core.io.image_writing import write_image
 from mpsnet_core.learning.training.export import card_of, onnx_of
 from mpsnet_core.learning.training.networks import Network, build_network
-from mpsnet_core.scene.rig import LightRig, published_rig, write_rig
 
 THREADS, SIDE, LARGE = 1, 512, (4096, 6000, 10_000)
 # Degrees of the first light in the picture, which stands straight up (90) in what the networks see.

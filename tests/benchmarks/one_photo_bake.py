@@ -18,23 +18,11 @@ import numpy as np
 from quiet import quiet
 
 import blender_addon
-from mpsnet_core.bake.bake import View, bake_normals
-from mpsnet_core.bake.low_frequency_correction import correct_low_frequencies
+from mpsnet_core import Camera, Mesh, NormalMap, View, bake_normals, correct_low_frequencies, read_camera, read_normals
 from mpsnet_core.cli import main as mpsnet
-from mpsnet_core.scene.camera import Camera, read_camera
-from mpsnet_core.scene.mesh import Mesh
-from mpsnet_core.scene.normal_map import NormalMap, read_normals
 from mpsnet_core.scene.rays import RayScene, mesh_hits
-from tests.addon.rendering import principled
-from tests.addon.test_bake_against_blender import (
-    activate,
-    blenders_bake,
-    detailed_object,
-    mesh_of,
-    set_up_cycles,
-    simplified,
-    with_materials,
-)
+from tests.addon.rendering import activate, detailed_object, principled, set_up_cycles, simplified, with_materials
+from tests.addon.test_bake_against_blender import blenders_bake, mesh_of
 
 SIZE = 1024
 

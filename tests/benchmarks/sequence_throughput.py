@@ -19,14 +19,11 @@ from pathlib import Path
 import numpy as np
 from memory import peak_of_estimate
 
+from mpsnet_core import Capture, LightRig, estimate_sequence, published_rig, write_image, write_rig
 from mpsnet_core.arrays.unit_vectors import normalised
-from mpsnet_core.capture.capture import Capture
 from mpsnet_core.capture.open import PhotoSet, Source
 from mpsnet_core.estimate.estimator import Estimator
-from mpsnet_core.estimate.sequence.run import estimate_sequence
 from mpsnet_core.estimate.sequence.source import Frame, Masks, photo_frames
-from mpsnet_core.io.image_writing import write_image
-from mpsnet_core.scene.rig import LightRig, published_rig, write_rig
 
 SIDE, DIFFERENT = 512, 6
 

@@ -14,13 +14,11 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from mpsnet_core import Capture, LightRig, angular_error, published_rig
 from mpsnet_core.arrays.mask_regions import box_sums
-from mpsnet_core.arrays.unit_vectors import angular_error
-from mpsnet_core.capture.capture import Capture
 from mpsnet_core.estimate.estimator import Estimator
 from mpsnet_core.learning.evaluation.colour import COLOURINGS, ROUGHNESS
 from mpsnet_core.learning.evaluation.scenes import built_blob, held_out_blob, ideal_photograph, published_view
-from mpsnet_core.scene.rig import LightRig, published_rig
 from mpsnet_core.synthesis.reflectance import load_reflectance
 from mpsnet_core.synthesis.scene_description import Material
 from mpsnet_core.synthesis.shading.synthesise import synthesise

@@ -17,7 +17,6 @@ import pytest
 EDITORS = 1310  # where Blender's other editors begin, right of the viewport and its sidebar, in pixels
 BELOW = 905  # and below it
 STEP = 8  # pixels; a button is about 20 high
-TITLE = 16  # from a panel's top to the middle of its title
 # How long to wait for what will come: a busy machine draws a window in software, and takes a minute for some frames.
 PATIENCE = 300  # seconds
 
@@ -81,13 +80,6 @@ class Window:
 
     def click(self, x: int, y: int) -> None:
         self.input("mousemove", x, y, "sleep", "0.2", "click", 1)
-
-    def open(self, y: int) -> None:
-        """Click on the title of a closed panel, and leave it time to unfold."""
-        left, _, width, _ = self.state["sidebar"]
-        self.input("mousemove", left + width // 2, y, "sleep", "1")
-        self.click(left + width // 2, y)
-        self.input("sleep", "2")
 
     def screenshot(self) -> np.ndarray:
         """(H, W, 3) values 0 to 1 of the whole screen, once Blender has drawn what it was asked for before."""

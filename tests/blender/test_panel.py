@@ -4,12 +4,11 @@ import json
 
 import numpy as np
 from dng import write_dng
-from live import STEP, TITLE
+from live import STEP
 from mirror_ball import CROSSTALK, Scene, around, grey_photograph, lamps_around, photograph
-from synthetic import degrees_between, shaded_sphere
+from synthetic import degrees_between
 
-from mpsnet_core.io.image_writing import write_image
-from mpsnet_core.scene.rig import published_rig, read_rig, write_rig
+from mpsnet_core import read_rig, write_image
 from mpsnet_core.synthesis.job import sample_path, samples_there
 
 
@@ -287,98 +286,11 @@ def test_real_lights_are_found_and_undone(unfolded, album, tmp_path):
     assert rig.is_file()
 
 
-def test_the_mask_is_shown_below_its_button(unfolded, tmp_path):
-    window = unfolded
-    sphere = shaded_sphere(128)
-    photo = np.full((256, 256, 3), 0.01, np.float32)
-    photo[64:192, 64:192][sphere.mask] = sphere.image[sphere.mask]
-    write_image(tmp_path / "photo.exr", photo)
-    window.ask("photo", str(tmp_path / "photo.exr"))
-    window.ask("set", "estimate", {"mask": "FIND"})
-    window.ask("alone", "MPS_PT_photo", "MPS_PT_mask")
-    left, top, width, height = window.state["sidebar"]
-    x, y = window.find("mps.show_mask", below=100)
-
-    def below():
-        window.input("mousemove", 500, 500, "sleep", "1")
-        return window.screenshot()[y + 4 * STEP : top + height, left : left + width - 40]
-
-    before = below()
-    window.click(x, y)
-    window.wait(lambda state: "MPS Mask" in state["images"] and not state["running"], "mask")
-    window.see(below, lambda now: (np.abs(now - before).max(axis=-1) > 0.1).sum() > 5000, "mask")
-
-    window.input("mousemove", 500, 500, "key", "ctrl+z")
-    window.wait(lambda state: "MPS Mask" not in state["images"], "undo of the mask")
-
-
 def test_a_raw_photo_is_shown_by_its_own_file(window, tmp_path):
     write_dng(tmp_path / "photo.dng", np.full((48, 64), 900, np.uint16))
     window.ask("photo", str(tmp_path / "photo.dng"))
     x, y = window.find("wm.path_open", at=0.83)
     assert f'filepath="{tmp_path}"' in window.under_mouse(x, y)
-
-
-def test_many_views_are_baked_and_reported(window, tmp_path):
-    write_image(tmp_path / "photo.exr", np.full((64, 64, 3), 0.5, np.float32))
-    write_rig(tmp_path / "rig.json", published_rig())
-    texture, report = tmp_path / "texture.png", tmp_path / "texture_report.html"
-    window.ask("behind", str(tmp_path / "photo.exr"))
-    window.ask("set", "estimate", {"model": "LAMBERTIAN", "rig_file": str(tmp_path / "rig.json")})
-    window.ask("set", "bake", {"size": 64, "output": str(texture)})
-    window.ask("alone", "MPS_PT_views")
-    _, top, _, _ = window.state["sidebar"]
-    window.open(top + TITLE)
-    plain = window.state["nodes"]
-    x, y = window.find("mps.bake_views", below=200)
-
-    window.click(x, y)
-    done = window.wait(lambda state: "MPS Cube" in state["images"] and not state["running"], "texture")
-    assert set(done["nodes"]) - set(plain) == {"MPS UV", "MPS Texture", "MPS Normal"}
-    assert texture.is_file() and "Camera" in report.read_text(encoding="utf-8")
-    x, y = window.find("wm.path_open", at=0.8)
-    assert str(report) in window.under_mouse(x, y)
-
-    window.input("mousemove", 500, 500, "key", "ctrl+z")
-    window.wait(lambda state: state["nodes"] == plain, "undo of the bake")
-    assert not window.under_mouse(x, y)
-
-
-def test_a_result_finds_its_scene_and_target_whatever_they_are_called_by_then(window, tmp_path):
-    window.ask("invoke", "add_rig", {})
-    window.ask("invoke", "render_photo", {"width": 64, "height": 64, "samples": 4})
-    window.wait(lambda state: "MPS Photo" in state["images"], "photo")
-    window.ask("invoke", "estimate", {"model": "LAMBERTIAN"})
-    window.wait(lambda state: "MPS Normals" in state["images"] and not state["running"], "normals")
-    texture = tmp_path / "texture.png"
-    window.ask("invoke", "bake", {"size": 2048, "output": str(texture)})
-    assert window.state["running"]
-    renamed = "for one in (*bpy.data.scenes, *bpy.data.objects, *bpy.data.images): one.name = f'renamed {one.name}'"
-    window.ask("run", renamed)
-    window.wait(lambda state: not state["running"], "texture")
-    assert "MPS Cube" in window.state["images"] and texture.is_file()  # called as the target was when it began
-    assert "MPS Texture" in window.state["nodes"]
-
-
-def test_operators_are_found_by_search(window):
-    """The search that F3 opens, the words, Enter; the scene gets first what each operator needs to be chosen."""
-
-    def search(words):
-        window.input("mousemove", 500, 500, "sleep", "0.3")
-        window.ask("invoke", "wm.search_menu", {})
-        window.input("sleep", "1", "type", "--delay", 60, words)
-        window.input("sleep", "1", "key", "Return")
-
-    window.ask("invoke", "add_rig", {})
-    before = window.wait(lambda state: "MPS Red" in state["objects"], "rig")
-    search("add rig")
-    window.wait(lambda state: state["rig"] != before["rig"], "another rig")
-    window.ask("run", "bpy.context.scene.mps.photo.width = bpy.context.scene.mps.photo.height = 32")
-    search("render photo")
-    window.wait(lambda state: "MPS Photo" in state["images"] and not state["running"], "photo")
-    window.ask("run", "bpy.context.scene.mps.estimate.image = bpy.data.images.new('No File', 4, 4)")
-    search("bake texture")
-    window.wait(lambda state: "has no file on disk" in state["errors"].get("bake", ""), "error of the bake")
 
 
 EDITORS_SHOW = """

@@ -8,16 +8,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 from bad_input import SPHERE, gets_one_clear_sentence
-from conftest import Mpsnet
 from sphere_sample import sphere_sample
 from synthetic import CROSSTALK, Sphere, shaded_sphere, write_file
 
-from mpsnet_core.capture.capture import Capture
-from mpsnet_core.capture.open import read_capture
-from mpsnet_core.estimate.albedo import albedo_from_white, read_albedo, write_albedo
+from mpsnet_core import Camera, Capture, NormalMap, albedo_from_white, read_albedo, read_capture, write_albedo
 from mpsnet_core.estimate.distant_lights import convert_to_distant_view
-from mpsnet_core.scene.camera import Camera
-from mpsnet_core.scene.normal_map import NormalMap
 from mpsnet_core.scene.rig import LightRig, direction_from_angles, near_rig, write_rig
 
 OCHRE, TEAL = np.array([0.7, 0.42, 0.15]), np.array([0.1, 0.35, 0.4])
@@ -188,7 +183,7 @@ def test_what_is_clipped_in_any_of_the_white_photos_is_known(tmp_path: Path, pho
 # --- the command line -------------------------------------------------------------------------------------------------
 
 
-def test_estimate_writes_the_albedo_beside_the_normals(tmp_path: Path, mpsnet: Mpsnet) -> None:
+def test_estimate_writes_the_albedo_beside_the_normals(tmp_path: Path, mpsnet) -> None:
     """The white photo is the sum of a sample's three pictures under white lights, the coloured one has one of each."""
     sample = sphere_sample(48, left=OCHRE, right=TEAL)
     write_rig(tmp_path / "rig.json", LightRig(sample.recipe.light_directions))

@@ -8,8 +8,8 @@ from near_scene import NEAR, ball
 from painted_sphere import Painted
 from synthetic import degrees_between
 
+from mpsnet_core import Capture, NormalMap, published_rig
 from mpsnet_core.arrays.unit_vectors import normalised
-from mpsnet_core.capture.capture import Capture
 from mpsnet_core.estimate.albedo_removal.chromaticity import divide_out_chromaticity_albedo
 from mpsnet_core.estimate.albedo_removal.clusters import divide_out_clustered_albedo
 from mpsnet_core.estimate.albedo_removal.second_estimate import blend_by_confidence
@@ -17,8 +17,6 @@ from mpsnet_core.estimate.estimator import Estimator
 from mpsnet_core.estimate.onnx_model import OnnxModel
 from mpsnet_core.estimate.registry import find_network
 from mpsnet_core.estimate.white_photo import normalise_by_white_photo
-from mpsnet_core.scene.normal_map import NormalMap
-from mpsnet_core.scene.rig import published_rig
 
 
 def bent(painted: Painted, degrees: float) -> NormalMap:

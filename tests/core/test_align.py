@@ -14,15 +14,12 @@ from mesh_file import write_mesh
 from surface_shapes import upright
 from synthetic import write_file
 
-from mpsnet_core.errors import GeometryError
+from mpsnet_core import Camera, GeometryError, NormalMap, read_camera, read_image, write_camera
 from mpsnet_core.estimate.alignment import search
 from mpsnet_core.estimate.alignment.points import camera_from_points
 from mpsnet_core.estimate.alignment.pose import MeshFaces
 from mpsnet_core.estimate.alignment.refine import PhotoPyramid, measure_fit, refine_camera
 from mpsnet_core.estimate.alignment.search import find_better_mirrored, search_cameras
-from mpsnet_core.io.image_reading import read_image
-from mpsnet_core.scene.camera import Camera, read_camera, write_camera
-from mpsnet_core.scene.normal_map import NormalMap
 from mpsnet_core.scene.rig import near_rig, published_rig, write_rig
 
 pytestmark = pytest.mark.accuracy
@@ -231,10 +228,7 @@ class TestCommand:
         assert_the_same(read_camera(files / "camera.json"), photo.camera)
         # By the diagonal, EXIF's own way, on a photo of 6:5.
         focal = stated * np.hypot(6, 5) / 6 * 36 / np.hypot(36, 24)
-        used, refused = (
-            f"photo.jpg states a lens of {focal:.0f} mm, where the search starts",
-            "which no camera",
-        )
+        used, refused = (f"photo.jpg states a lens of {focal:.0f} mm, where the search starts", "which no camera")
         assert (used in done.stderr) == (stated >= 60 and not given)
         assert (refused in done.stderr) == (stated == 1)
 

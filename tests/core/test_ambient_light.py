@@ -4,14 +4,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from conftest import Mpsnet
 from synthetic import CROSSTALK, shaded_sphere, write_file
 
-from mpsnet_core.capture.capture import Capture
+from mpsnet_core import Capture, LightRig, NormalMap, estimate_normals, published_rig, write_rig
 from mpsnet_core.estimate.ambient_light import shadow_brightness, warn_of_ambient_light
-from mpsnet_core.estimate.estimator import estimate_normals
-from mpsnet_core.scene.normal_map import NormalMap
-from mpsnet_core.scene.rig import LightRig, published_rig, write_rig
 
 RIG = LightRig(published_rig(45).directions)
 BALL = shaded_sphere(200, RIG)
@@ -55,9 +51,7 @@ def test_the_outline_tells_where_normals_never_face_away(ambient: float, caplog:
 
 
 @pytest.mark.parametrize("steepest", [20, 45, 70])
-def test_a_dome_whose_rim_the_lights_reach_is_not_in_ambient_light(
-    steepest: float, caplog: pytest.LogCaptureFixture
-) -> None:
+def test_a_dome_whose_rim_the_lights_reach_is_not_in_ambient_light(steepest: float, caplog) -> None:
     """It has no attached shadows, as far as it is flat enough."""
     y, x = np.mgrid[-1:1:200j, -1:1:200j]
     x, y = (np.sin(np.radians(steepest)) / 0.95 * axis for axis in (x, -y))
@@ -69,7 +63,7 @@ def test_a_dome_whose_rim_the_lights_reach_is_not_in_ambient_light(
 
 
 @pytest.mark.parametrize("ambient", [0.0, 0.2])
-def test_estimate_warns(ambient: float, tmp_path: Path, mpsnet: Mpsnet) -> None:
+def test_estimate_warns(ambient: float, tmp_path: Path, mpsnet) -> None:
     photo = write_file(tmp_path / "photo.exr", lit_by(ambient).image, "float")
     mask = write_file(tmp_path / "mask.png", BALL.mask[..., None], "uint8")
     write_rig(tmp_path / "rig.json", RIG)

@@ -10,13 +10,8 @@ from surface_shapes import camera_looking, first_on_sphere, sphere_mesh, sphere_
 from synthetic import degrees_between
 from uv_squares import squares
 
+from mpsnet_core import Camera, InputError, Mesh, NormalMap, Texture, View, bake_normals, join_meshes
 from mpsnet_core.bake import bake
-from mpsnet_core.bake.bake import View, bake_normals
-from mpsnet_core.errors import Cancelled, InputError
-from mpsnet_core.scene.camera import Camera
-from mpsnet_core.scene.mesh import Mesh, join_meshes
-from mpsnet_core.scene.normal_map import NormalMap
-from mpsnet_core.scene.texture import Texture
 
 
 def affine(scale: tuple[float, float, float], place: tuple[float, float, float] = (0.4, -2.0, 1.0)) -> np.ndarray:
@@ -43,9 +38,7 @@ def in_object_space(texture: Texture, mesh: Mesh) -> np.ndarray:
 @pytest.mark.parametrize("layout", ["whole", "mirrored"])
 @pytest.mark.parametrize("projection", ["orthographic", "perspective"])
 @pytest.mark.parametrize("scale", [(1, 1, 1), (1.5, 0.6, 1.1), (-1, 1, 1.3)])
-def test_one_view_gives_each_texel_the_normal_behind_it(
-    layout: str, projection: str, scale: tuple[float, float, float]
-) -> None:
+def test_one_view_gives_each_texel_its_normal(layout: str, projection: str, scale: tuple[float, float, float]) -> None:
     """The texel's point lies on a flat triangle; the view shows the smooth sphere there, so that is what to bake."""
     pose = affine(scale)
     mesh = sphere_mesh(layout=layout, world_from_object=pose)
@@ -114,9 +107,7 @@ def test_an_orthographic_camera_sees_the_same_from_within_as_from_afar() -> None
 
 
 @pytest.mark.parametrize(("depth", "told"), [(3.0, False), (0.0, False), (-3.0, True)])
-def test_an_orthographic_camera_that_looks_away_from_the_mesh_is_reported(
-    caplog: pytest.LogCaptureFixture, depth: float, told: bool
-) -> None:
+def test_an_orthographic_camera_that_looks_away_from_the_mesh_is_reported(caplog, depth: float, told: bool) -> None:
     pose = np.eye(4)
     pose[2, 3] = depth
     camera = Camera("orthographic", 64, 64, [24, 24], world_from_camera=pose)
@@ -262,16 +253,6 @@ def test_a_texture_made_a_few_rows_at_a_time_is_the_same(samples: int, monkeypat
     by_rows = bake_normals(mesh, views, size=SIZE, samples=samples)
     for name, values in vars(whole).items():
         np.testing.assert_array_equal(getattr(by_rows, name), values)
-
-
-@pytest.mark.parametrize("after", [0.0, 0.3, 0.9])
-def test_cancelled_from_progress_ends_the_bake(after: float) -> None:
-    def stop(fraction: float, _: str) -> None:
-        if fraction >= after:
-            raise Cancelled
-
-    with pytest.raises(Cancelled):
-        bake_normals(sphere_mesh(), [sphere_view(camera_looking((1, 0, 0)))], size=600, progress=stop)
 
 
 def test_what_cannot_be_baked_is_refused_with_the_mend() -> None:

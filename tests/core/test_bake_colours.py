@@ -7,20 +7,15 @@ import numpy as np
 import OpenImageIO as oiio
 import pytest
 from bad_input import SPHERE, SQUARE, gets_one_clear_sentence
-from conftest import Mpsnet
 from mesh_file import write_mesh
 from plane_views import SIX_SIDES, SIZE, plane
 from progress_lines import events
 from surface_shapes import camera_looking, sphere_mesh, sphere_view, texels_of
 
-from mpsnet_core import read_camera, read_normals
+from mpsnet_core import BakeSettings, Camera, Mesh, read_camera, read_normals, write_albedo, write_camera
 from mpsnet_core.bake.bake import View, bake_normals, bake_texture_sets
-from mpsnet_core.bake.settings import BakeSettings
 from mpsnet_core.bake.view_agreement import matched_views
-from mpsnet_core.estimate.albedo import write_albedo
 from mpsnet_core.io.image import linear_to_srgb
-from mpsnet_core.scene.camera import Camera, write_camera
-from mpsnet_core.scene.mesh import Mesh
 from mpsnet_core.scene.normal_map import NormalMap, write_normals
 from mpsnet_core.scene.texture_sets import texture_sets
 
@@ -162,7 +157,7 @@ def test_an_island_that_nothing_seen_touches_has_the_mean_colour() -> None:
     assert np.abs(right[covered][:, :3] - texture.colours[texture.seen][:, :3].mean(axis=0)).max() < 0.02
 
 
-def test_bake_writes_the_albedo_beside_the_texture(tmp_path: Path, mpsnet: Mpsnet) -> None:
+def test_bake_writes_the_albedo_beside_the_texture(tmp_path: Path, mpsnet) -> None:
     """A plate of two colours before two cameras; where one albedo is transparent, the other one tells. They differ in
     exposure and tint, and meet in the middle."""
     mesh: Mesh = plane()

@@ -10,10 +10,9 @@ from mesh_file import write_mesh
 from surface_shapes import camera_looking, sphere_mesh, sphere_view
 from synthetic import left_by, listing
 
+from mpsnet_core import NormalMap, write_camera, write_normals
 from mpsnet_core.cli import main
 from mpsnet_core.io.image_reading import image_description
-from mpsnet_core.scene.camera import write_camera
-from mpsnet_core.scene.normal_map import NormalMap, write_normals
 
 NUMBERS = (7, 8, 10)
 
@@ -125,9 +124,7 @@ def test_meshes_and_cameras_may_move_along(bench: Path, capsys: pytest.CaptureFi
         (("broken", "skin"), r"all 3 that were tried failed; the first: .*b_1\.png: "),
     ],
 )
-def test_bad_input_gets_one_sentence(
-    bench: Path, capsys: pytest.CaptureFixture[str], arguments: tuple[str, ...], sentence: str
-) -> None:
+def test_bad_input_gets_one_sentence(bench: Path, capsys, arguments: tuple[str, ...], sentence: str) -> None:
     source = (bench / "normals" / "f_7_normals.png").read_bytes()
     for folder, names in (("odd", ("a.png", "b.png")), ("broken", ("b_1.png", "b_2.png", "b_3.png", "b_4.png"))):
         (bench / folder).mkdir()

@@ -9,14 +9,9 @@ from surface_shapes import camera_looking, first_on_sphere, sphere_mesh, sphere_
 from synthetic import degrees_between
 from uv_squares import squares
 
+from mpsnet_core import BakeSettings, Camera, InputError, Mesh, NormalMap, Texture
 from mpsnet_core.bake.bake import View, bake_normals, bake_texture_sets
-from mpsnet_core.bake.settings import BakeSettings
-from mpsnet_core.errors import InputError
 from mpsnet_core.progress import Progress, silent
-from mpsnet_core.scene.camera import Camera
-from mpsnet_core.scene.mesh import Mesh
-from mpsnet_core.scene.normal_map import NormalMap
-from mpsnet_core.scene.texture import Texture
 from mpsnet_core.scene.texture_sets import texture_sets
 
 SIZE = 64

@@ -14,10 +14,8 @@ from mesh_file import write_mesh
 from synthetic import degrees_between, listing, shaded_sphere, write_file
 from uv_squares import squares
 
-from mpsnet_core import Camera, read_normals, write_camera
+from mpsnet_core import Camera, published_rig, read_normals, write_camera, write_image, write_rig
 from mpsnet_core.cli import main
-from mpsnet_core.io.image_writing import write_image
-from mpsnet_core.scene.rig import published_rig, write_rig
 
 
 @pytest.fixture

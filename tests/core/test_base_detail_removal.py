@@ -10,14 +10,11 @@ from mesh_file import write_mesh
 from surface_shapes import camera_looking, sphere_mesh, sphere_view
 from synthetic import degrees_between
 
+from mpsnet_core import NormalMap, View, write_camera, write_image, write_normals
 from mpsnet_core.arrays.resampling import bilinear
-from mpsnet_core.bake.bake import View
 from mpsnet_core.bake.base_maps import BaseMap, read_base_map, remove_base_detail, remove_base_details
 from mpsnet_core.cli import main
-from mpsnet_core.io.image_writing import write_image
-from mpsnet_core.scene.camera import write_camera
 from mpsnet_core.scene.normal_encoding import encode
-from mpsnet_core.scene.normal_map import NormalMap, write_normals
 from mpsnet_core.scene.rays import RayScene
 
 pytestmark = pytest.mark.accuracy

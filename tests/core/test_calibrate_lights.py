@@ -8,14 +8,13 @@ from external_data import external_data
 from mirror_ball import CROSSTALK, Scene, around, developed, grey_photograph, lamps_around, photograph, taken
 from synthetic import degrees_between
 
+from mpsnet_core import InputError, read_image, read_mask
 from mpsnet_core.arrays.unit_vectors import normalised
-from mpsnet_core.calibrate.ball import Circle, ball_from_circle, ball_from_mask, fit_ball
+from mpsnet_core.calibrate.ball import ball_from_mask, fit_ball
 from mpsnet_core.calibrate.circles import find_balls
 from mpsnet_core.calibrate.highlights import Highlight, find_coloured_highlights, find_highlight
 from mpsnet_core.calibrate.lights import LightsFound, Sighting, find_lights
-from mpsnet_core.errors import InputError
 from mpsnet_core.io.image import Image
-from mpsnet_core.io.image_reading import read_image, read_mask
 from mpsnet_core.scene.camera import Camera, pixel_camera
 
 pytestmark = pytest.mark.accuracy
@@ -275,23 +274,6 @@ def test_lights_of_one_colour_cannot_be_told_apart() -> None:
     blown = photograph(scene, brightness=20.0)
     with pytest.raises(InputError, match=r"do not differ in colour.*expose so that they do not clip"):
         find_coloured_highlights(taken(blown), ball)
-
-
-def test_a_ball_without_light_and_a_photo_without_a_ball() -> None:
-    flat = np.full((120, 160, 3), 0.2, np.float32)
-    camera = pixel_camera(160, 120)
-    with pytest.raises(InputError, match=r"no ball was found.*x,y,r"):
-        find_balls(flat, camera)
-    with pytest.raises(InputError, match=r"no highlight.*lights on"):
-        find_highlight(taken(flat), ball_from_circle(Circle(80, 60, 40), camera))
-    with pytest.raises(InputError, match="outside the photo"):
-        find_highlight(taken(flat), ball_from_circle(Circle(900, 60, 40), camera))
-    noise = np.random.default_rng(1).random((120, 160, 3)).astype(np.float32)
-    with pytest.raises(InputError, match="no ball was found"):
-        find_balls(noise, camera)
-    scene = afar()
-    with pytest.raises(InputError, match="only 1 of 2 balls"):
-        find_balls(photograph(scene), pixel_camera(*scene.size), count=2)
 
 
 def test_a_mask_that_also_holds_the_stand() -> None:

@@ -7,9 +7,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from mpsnet_core import Camera, GeometryError, read_camera, read_rig, write_camera, write_image
-from mpsnet_core.bake.scan import Scan
-from mpsnet_core.calibrate.mesh_operation import CalibrateMesh
+from mpsnet_core import CalibrateMesh, Camera, GeometryError, Scan, read_camera, read_rig, write_camera, write_image
 
 SIDE = 160
 POSE = np.array([[0.0, 0, 1, 6], [1, 0, 0, 0.1], [0, 1, 0, 0.2], [0, 0, 0, 1]])  # looks along -x; z is up

@@ -8,15 +8,13 @@ import pytest
 from mirror_ball import CROSSTALK, Scene, around, developed, grey_photograph, taken
 from synthetic import degrees_between
 
+from mpsnet_core import InputError, LightRig, near_rig, read_image, read_mask
 from mpsnet_core.arrays.unit_vectors import normalised
 from mpsnet_core.calibrate.ball import Ball, Circle, ball_from_circle, ball_from_mask
 from mpsnet_core.calibrate.circles import find_balls
 from mpsnet_core.calibrate.mixing import lambertian_error, mixing_from_ball, mixing_from_ball_by_light, mixing_from_card
-from mpsnet_core.errors import InputError
 from mpsnet_core.io.image import linear_to_srgb, srgb_to_linear
-from mpsnet_core.io.image_reading import read_image, read_mask
 from mpsnet_core.scene.camera import Camera, pixel_camera
-from mpsnet_core.scene.rig import LightRig, near_rig
 
 pytestmark = pytest.mark.accuracy
 

@@ -8,15 +8,9 @@ from bad_input import NAN, SPHERE, gets_one_clear_sentence, loop, with_pixel
 from numpy.typing import ArrayLike
 from synthetic import Sphere, write_file
 
-from mpsnet_core.arrays.unit_vectors import angular_error
-from mpsnet_core.capture.capture import Capture
-from mpsnet_core.capture.open import read_capture
+from mpsnet_core import Camera, Capture, angular_error, estimate_normals, published_rig, read_capture, write_image
 from mpsnet_core.errors import FileError, GeometryError
-from mpsnet_core.estimate.estimator import estimate_normals
 from mpsnet_core.io import image
-from mpsnet_core.io.image_writing import write_image
-from mpsnet_core.scene.camera import Camera
-from mpsnet_core.scene.rig import published_rig
 
 STRIPES = np.float32([[0.5, 1.0, 0.7, 0.9]] * 4)
 
@@ -42,17 +36,13 @@ def test_a_mask_of_shares_counts_from_a_half_as_alpha_does() -> None:
     np.testing.assert_array_equal(capture.mask, [[False, False, True, True]])
 
 
-def test_without_alpha_the_whole_photo_is_taken_and_that_is_said(
-    photo_file: Path, sphere: Sphere, caplog: pytest.LogCaptureFixture
-) -> None:
+def test_without_alpha_the_whole_photo_is_taken_and_that_is_said(photo_file, sphere, caplog) -> None:
     assert read_capture(photo_file, sphere.rig).mask.all()
     assert "the whole photo is assumed to be the object" in caplog.text
 
 
 @pytest.mark.parametrize("model", ["lambertian", "multiscale"])
-def test_a_large_photo_is_held_in_half_the_memory(
-    tmp_path: Path, sphere: Sphere, monkeypatch: pytest.MonkeyPatch, model: str
-) -> None:
+def test_a_large_photo_is_held_in_half_the_memory(tmp_path, sphere, monkeypatch, model: str) -> None:
     mask = write_file(tmp_path / "mask.png", sphere.mask, "uint8")
     photo = write_file(tmp_path / "photo.png", sphere.image, "uint16")
     captures, normals = [], []
@@ -90,9 +80,7 @@ def test_only_integer_files_saturate(tmp_path: Path, sphere: Sphere, kind: str, 
         ([0.5, 0.6, 0.7], None),
     ],
 )
-def test_a_photo_that_gives_hardly_right_normals_is_reported_of(
-    tmp_path: Path, caplog: pytest.LogCaptureFixture, pixels: ArrayLike, words: str | None
-) -> None:
+def test_a_photo_that_gives_hardly_right_normals_is_reported_of(tmp_path, caplog, pixels: ArrayLike, words: str | None):
     write_image(tmp_path / "photo.png", np.broadcast_to(pixels, (4, 4, 3)))
     with caplog.at_level("INFO", "mpsnet_core"):
         read_capture(tmp_path / "photo.png", published_rig(), mask="none", encoding="linear")
@@ -100,9 +88,7 @@ def test_a_photo_that_gives_hardly_right_normals_is_reported_of(
     assert any(words in line for line in told) if words else not told
 
 
-def test_a_coloured_photo_misleads_no_model_where_a_white_one_is_beside_it(
-    tmp_path: Path, caplog: pytest.LogCaptureFixture
-) -> None:
+def test_a_coloured_photo_misleads_no_model_where_a_white_one_is_beside_it(tmp_path, caplog) -> None:
     for name, pixels in (("photo", [0.2, 0.5, 0.6]), ("white", [0.4, 0.4, 0.4])):
         write_image(tmp_path / f"{name}.png", np.broadcast_to(pixels, (4, 4, 3)))
     with caplog.at_level("INFO", "mpsnet_core"):
@@ -122,6 +108,7 @@ test_a_bad_capture_gets_one_clear_sentence = gets_one_clear_sentence(
             lambda b: read_capture(b.photo(pixels=np.dstack([SPHERE.image, 0 * SPHERE.mask])), SPHERE.rig),
             "photo.exr…mask is empty",
         ),
+        (lambda b: b.estimate(mask=f"background:{b.photo('b.exr', SPHERE.image[:8])}"), "the background is 16 x 8"),
         ("alpha where there is none", lambda b: read_capture(b.photo(), SPHERE.rig, mask="alpha"), "no alpha channel"),
         *(
             (

@@ -13,15 +13,12 @@ from ideal_capture import IDEAL
 from sphere_sample import RED, sphere_sample
 from synthetic import degrees_between, write_file
 
-from mpsnet_core.capture.capture import Capture
+from mpsnet_core import Capture, Sample, published_rig, read_image
 from mpsnet_core.estimate.estimator import lambertian_normals
 from mpsnet_core.io.image import linear_to_srgb
-from mpsnet_core.io.image_reading import read_image
 from mpsnet_core.learning.training.packed import Packed
 from mpsnet_core.learning.training.photo_simulation import simulate_photo
-from mpsnet_core.scene.rig import published_rig
 from mpsnet_core.synthesis.capture_model import CaptureDraw, CaptureModel, turned
-from mpsnet_core.synthesis.sample import Sample
 
 DIRECTIONS = published_rig().directions
 

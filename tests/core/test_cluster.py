@@ -80,14 +80,6 @@ def test_a_killed_dask_worker_loses_only_its_current_sample(cluster: LocalCluste
     assert killed[1] in workers(tmp_path)
 
 
-def test_failures_are_reported_and_deaths_of_our_process_are_retried(cluster: LocalCluster, tmp_path: Path) -> None:
-    (tmp_path / "fail_3").touch()
-    (tmp_path / "die_5").touch()
-    outcome = run(cluster, tmp_path, 10)
-    assert outcome == JobOutcome(made=9, failed={3: "sample 3 shows nothing; choose another"})
-    assert len(begun(tmp_path)[5]) == 2
-
-
 def test_cancelling_ends_tasks_and_processes(cluster: LocalCluster, tmp_path: Path) -> None:
     (tmp_path / "slow").write_text("0.05")
 
@@ -113,9 +105,7 @@ def test_a_folder_that_the_machines_do_not_see_is_reported(cluster: LocalCluster
 
 
 @pytest.mark.parametrize("address", ["tcp://127.0.0.1:1", "nowhere", "gopher://127.0.0.1:8786", "tcp://127.0.0.1:x"])
-def test_an_address_where_nobody_answers_is_reported(
-    tmp_path: Path, address: str, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
-) -> None:
+def test_an_address_where_nobody_answers_is_reported(tmp_path, address: str, monkeypatch, capfd) -> None:
     monkeypatch.setattr(dask, "CONNECT_SECONDS", 0.2)
     write_job(tmp_path, job(3))
     with pytest.raises(InputError, match=f"no Dask scheduler at {address} .*give one like tcp://"):
@@ -161,9 +151,7 @@ def certificates(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-def test_a_tls_address_needs_the_certificates_of_its_cluster(
-    certificates: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_tls_address_needs_the_certificates_of_its_cluster(certificates: Path, tmp_path, monkeypatch) -> None:
     ours, theirs = (str(certificates / f"{name}.pem") for name in ("ours", "theirs"))
     roles = {f"tls_{role}_cert": ours for role in ("client", "scheduler", "worker")}
     security = Security(require_encryption=True, tls_ca_file=ours, **roles)

@@ -8,10 +8,9 @@ import OpenImageIO as oiio
 import pytest
 from surface_shapes import camera_looking
 
+from mpsnet_core import NormalMap, write_camera, write_normals
 from mpsnet_core.cli import main
 from mpsnet_core.io.image_reading import read_data
-from mpsnet_core.scene.camera import write_camera
-from mpsnet_core.scene.normal_map import NormalMap, write_normals
 
 SIZE = 40
 

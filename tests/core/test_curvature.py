@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 from height_shapes import Surface, ball, bowl, bumps, orthographic, plane
 
-from mpsnet_core import Camera, NormalMap
-from mpsnet_core.relief.curvature import curvature, curvature_picture, curvature_range
+from mpsnet_core import Camera, NormalMap, curvature, curvature_picture, curvature_range
 
 # More rows than are worked on at a time.
 NEAR = Camera("perspective", 300, 320, (420.0, 400.0), (130.0, 170.0))

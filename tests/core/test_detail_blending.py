@@ -9,14 +9,10 @@ from mesh_file import write_mesh
 from surface_shapes import camera_looking, sphere_mesh, sphere_view
 from synthetic import degrees_between, write_file
 
-from mpsnet_core.bake.bake import View, bake_normals
+from mpsnet_core import Mesh, NormalMap, Texture, View, bake_normals, write_camera, write_normals
 from mpsnet_core.bake.base_maps import blend_detail, read_base_map, reoriented
 from mpsnet_core.cli import main
-from mpsnet_core.scene.camera import write_camera
-from mpsnet_core.scene.mesh import Mesh
 from mpsnet_core.scene.normal_encoding import encode
-from mpsnet_core.scene.normal_map import NormalMap, write_normals
-from mpsnet_core.scene.texture import Texture
 
 FLAT = np.array([0, 0, 1.0])
 
@@ -53,21 +49,6 @@ def test_a_present_map_of_any_size_goes_under_the_texture(size: int) -> None:
     flat = np.broadcast_to(FLAT, (128, 128, 3))
     laid = blend_detail(texture_of(flat), waves(size))
     assert degrees_between(laid.vectors, waves(128)).max() < 1.0
-
-
-@pytest.mark.parametrize(("kind", "most"), [("uint8", 0.5), ("uint16", 0.01), ("half", 0.1)])
-@pytest.mark.parametrize("convention", ["opengl", "directx"])
-def test_present_maps_are_read_as_they_are_stored(kind: str, most: float, convention: str, tmp_path: Path) -> None:
-    vectors = waves(64)
-    colours = 0.5 + 0.5 * vectors * ([1, 1, 1] if convention == "opengl" else [1, -1, 1])
-    path = write_file(tmp_path / ("map.exr" if kind == "half" else "map.png"), colours, kind)
-    assert degrees_between(read_base_map(path, convention=convention), vectors).max() < most
-
-
-def test_alpha_may_hold_something_else(tmp_path: Path) -> None:
-    vectors, gloss = waves(64), np.tile([0.0, 0.3], (64, 32))
-    path = write_file(tmp_path / "m.png", np.dstack([encode(vectors), gloss]), "uint16", oiio__UnassociatedAlpha=1)
-    assert degrees_between(read_base_map(path), vectors).max() < 0.1
 
 
 @pytest.mark.parametrize("background", [(0, 0, 0), (1, 1, 1), (0.5, 0.5, 0.5), None], ids=str)
@@ -164,16 +145,12 @@ def test_on_the_command_line_the_map_stays_and_the_detail_is_added(bench: Bench)
     ],
     ids=lambda given: " ".join(given) if isinstance(given, list) else "",
 )
-def test_bad_input_gets_one_sentence(
-    arguments: list[str], sentence: str, bench: Bench, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_bad_input_gets_one_sentence(arguments: list[str], sentence: str, bench: Bench, capsys) -> None:
     rng = np.random.default_rng(0)
     bench.map(waves(64), "good.png")
     bench.map(waves(64), "out.png")
     photo = np.clip(rng.normal([0.5, 0.4, 0.3], 0.08, (64, 64, 3)), 0, 1)
     write_file(bench.folder / "photo.png", photo, "uint8")
-    write_file(bench.folder / "black.png", np.zeros((64, 64, 3)), "uint8")
-    write_file(bench.folder / "grey.png", np.full((64, 64, 1), 0.5), "uint8")
     bench.map(unit(rng.normal(size=(64, 64, 3))), "object.png")
     before = (bench.folder / "out.png").read_bytes()
     given = [

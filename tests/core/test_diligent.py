@@ -7,7 +7,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 from bad_input import cut, gets_one_clear_sentence
-from conftest import Mpsnet
 from synthetic import degrees_between, diligent_object, mat_file
 
 from mpsnet_core.learning.evaluation.diligent import read_diligent, read_truth
@@ -77,7 +76,7 @@ PUBLISHED = {
 }
 
 
-def test_the_baseline_on_the_photographs(diligent: Path, tmp_path: Path, mpsnet: Mpsnet) -> None:
+def test_the_baseline_on_the_photographs(diligent: Path, tmp_path: Path, mpsnet) -> None:
     out = tmp_path / "rows.json"
     done = mpsnet("evaluate", "diligent", diligent, "--model", "lambertian", "--lights", "48,1,96", "--json", out)
     assert (done.returncode, done.stderr) == (0, "")

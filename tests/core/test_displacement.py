@@ -10,14 +10,11 @@ from mesh_file import write_mesh
 from relief_shapes import cube_sphere, tangent_normals, waves
 from surface_shapes import grid_triangles, sphere_mesh, texels_of
 
+from mpsnet_core import InputError, Mesh, join_meshes, read_height, write_height, write_image
 from mpsnet_core.cli import main
-from mpsnet_core.errors import InputError
-from mpsnet_core.io.image_writing import write_image
 from mpsnet_core.relief.displacement.displacement import Displacement, displacement
 from mpsnet_core.relief.displacement.height_constraints import object_normals
 from mpsnet_core.relief.displacement.uv_layout import layout_of
-from mpsnet_core.relief.height_files import read_height, write_height
-from mpsnet_core.scene.mesh import Mesh, join_meshes
 from mpsnet_core.scene.normal_encoding import encode
 
 SIZE = 128
@@ -253,9 +250,7 @@ def test_a_texture_of_another_space_is_refused() -> None:
         (0.8, "its normals contradict each other on 9"),  # a bowl on each of the six sides, of which none fits the next
     ],
 )
-def test_a_texture_that_does_not_fit_is_reported(
-    gradient: float, told: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_texture_that_does_not_fit_is_reported(gradient: float, told: str, tmp_path, monkeypatch, capsys) -> None:
     monkeypatch.chdir(tmp_path)
     write_mesh("mesh.npz", cube_sphere(4))
     row, column = np.indices((64, 64)) / 64 - 0.5
@@ -265,9 +260,7 @@ def test_a_texture_that_does_not_fit_is_reported(
     assert told in said if told else "was the texture" not in said
 
 
-def test_heights_larger_than_the_mesh_are_reported(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_heights_larger_than_the_mesh_are_reported(tmp_path, monkeypatch, capsys) -> None:
     """A ramp: nothing in it contradicts."""
     monkeypatch.chdir(tmp_path)
     write_mesh("mesh.npz", square())
@@ -295,34 +288,6 @@ def test_normals_of_no_surface_do_not_tear_what_is_around_them() -> None:
     print(f"rms {wrong.std():.3f}, most {np.abs(wrong).max():.3f}, contradicted {found.contradicted:.3f}")
     assert wrong.std() < 0.25  # 0.88 where all normals are believed
     assert found.contradicted > wall.mean() / 2
-
-
-@pytest.mark.parametrize(
-    ("arguments", "words"),
-    [
-        (["--uvs", "mesh.npz"], "name their file with --height"),
-        (["--uvs", "mesh.npz", "--height", "h.exr", "--focal", "50"], "--focal goes with a photo's normals"),
-        (["--uvs", "mesh.npz", "--height", "mesh.npz"], ".npz is not a supported image format"),
-        (["--uvs", "mesh.npz", "--base", "gone.obj", "--height", "h.exr"], "mesh file gone.obj does not exist"),
-        (["--uvs", "mesh.npz", "--height", "texture.png"], "would overwrite texture.png"),
-    ],
-)
-def test_bad_input_is_one_sentence(
-    arguments: list[str],
-    words: str,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    write_mesh("mesh.npz", cube_sphere(2))
-    write_image("texture.png", np.broadcast_to([0.5, 0.5, 1.0], (32, 32, 3)))
-    before = Path("texture.png").read_bytes()
-    assert main(["integrate", "texture.png", *arguments]) == 2
-    said = capsys.readouterr().err
-    assert said.count("\n") == 1 and words in said
-    assert sorted(file.name for file in tmp_path.iterdir()) == ["mesh.npz", "texture.png"]
-    assert Path("texture.png").read_bytes() == before
 
 
 def test_what_does_not_fit_is_refused() -> None:

@@ -11,13 +11,10 @@ from mesh_file import write_mesh
 from relief_shapes import cube_sphere, tangent_normals
 from uv_squares import squares
 
+from mpsnet_core import InputError, Mesh, read_height, write_image
 from mpsnet_core.cli import main
-from mpsnet_core.errors import InputError
 from mpsnet_core.io.image_reading import read_channel
-from mpsnet_core.io.image_writing import write_image
 from mpsnet_core.relief.displacement.uv_layout import Tiles
-from mpsnet_core.relief.height_files import read_height
-from mpsnet_core.scene.mesh import Mesh
 from mpsnet_core.scene.normal_encoding import encode
 
 SIZE = 64
@@ -91,9 +88,7 @@ def test_in_16_bits_all_tiles_have_one_scale(one: np.ndarray, capsys: pytest.Cap
         ("b_<UDIM>.exr", "h_<UDIM>_<OBJECT>.exr", "has <OBJECT>, but the textures are not split that way"),
     ],
 )
-def test_bad_input_is_one_sentence(
-    files: None, texture: str, height: str, words: str, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_bad_input_is_one_sentence(files: None, texture: str, height: str, words: str, capsys) -> None:
     before = sorted(Path().iterdir())
     assert main(["integrate", texture, "--uvs", "b.npz", "--height", height]) == 2
     said = capsys.readouterr().err

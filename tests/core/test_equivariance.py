@@ -13,10 +13,8 @@ import pytest
 from networks import sees_all
 from synthetic import degrees_between
 
-from mpsnet_core.capture.capture import Capture
-from mpsnet_core.estimate.estimator import estimate_normals
+from mpsnet_core import Capture, NormalMap, estimate_normals
 from mpsnet_core.estimate.onnx_model import OnnxModel
-from mpsnet_core.scene.normal_map import NormalMap
 from mpsnet_core.scene.rig import LightRig, direction_from_angles
 
 MIXING = np.array([[0.9, 0.08, 0.02], [0.1, 0.85, 0.1], [0.02, 0.15, 0.8]])

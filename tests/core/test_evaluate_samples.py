@@ -9,7 +9,6 @@ import pytest
 pytest.importorskip("torch")
 
 from bad_input import gets_one_clear_sentence
-from conftest import Mpsnet
 from sphere_sample import RED, sphere_sample
 from synthetic import degrees_between
 
@@ -55,7 +54,7 @@ def test_a_white_photo_stands_beside_the_same_photo(samples: Path) -> None:
     assert two == pytest.approx(one, rel=0.05)
 
 
-def test_the_command_line_counts_samples_and_what_was_left_out(samples: Path, tmp_path: Path, mpsnet: Mpsnet) -> None:
+def test_the_command_line_counts_samples_and_what_was_left_out(samples: Path, tmp_path: Path, mpsnet) -> None:
     (samples / "sample_000001.exr").write_bytes((samples / "sample_000001.exr").read_bytes()[:3000])
     out, page = tmp_path / "rows.json", tmp_path / "report.html"
     done = mpsnet("evaluate", "samples", samples, "--count", "2", "--model", "all", "--json", out, "-o", page)

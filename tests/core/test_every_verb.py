@@ -114,9 +114,7 @@ def listening(path: Path) -> None:
 
 
 @pytest.mark.parametrize("make", [pipe, endless, listening, Path.mkdir])
-def test_only_files_are_opened(
-    place: Callable[[], Place], capfd: pytest.CaptureFixture[str], make: Callable[[Path], None]
-) -> None:
+def test_only_files_are_opened(place: Callable[[], Place], capfd, make: Callable[[Path], None]) -> None:
     wrong = {}
     for name, line in READS.items():
         there = place()
@@ -142,9 +140,7 @@ def derived_names(there: Place, line: str) -> list[str]:
 
 
 @pytest.mark.parametrize("line", LINES)
-def test_a_name_that_is_derived_overwrites_nothing_of_the_users(
-    line: str, place: Callable[[], Place], capfd: pytest.CaptureFixture[str], tmp_path: Path
-) -> None:
+def test_a_name_that_is_derived_overwrites_nothing_of_the_users(line: str, place: Callable[[], Place], capfd, tmp_path):
     there = place()
     run(line, capfd)
     for name in derived_names(there, line):

@@ -5,14 +5,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from conftest import Mpsnet
 
 from mpsnet_core import angular_error, read_camera, read_mesh, read_normals, read_rig
 from mpsnet_core.synthesis.example import LIGHTS
 
 
 @pytest.fixture
-def example(mpsnet: Mpsnet, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> list[str]:
+def example(mpsnet, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> list[str]:
     """The lines that it prints, in a folder where it ran."""
     monkeypatch.chdir(tmp_path)
     done = mpsnet("example")
@@ -20,9 +19,7 @@ def example(mpsnet: Mpsnet, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> 
     return done.stdout.splitlines()
 
 
-def test_each_printed_command_runs_and_gives_the_truth(
-    example: list[str], mpsnet: Mpsnet, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_each_printed_command_runs_and_gives_the_truth(example: list[str], mpsnet, monkeypatch) -> None:
     monkeypatch.chdir("example")
     assert sum(file.stat().st_size for file in Path().iterdir()) < 3_000_000
     for line in example:
@@ -55,7 +52,7 @@ def test_the_scan_lies_where_the_true_normals_show_it() -> None:
 
 
 @pytest.mark.usefixtures("example")
-def test_an_example_that_is_there_stays_and_a_stranger_s_file_is_not_replaced(mpsnet: Mpsnet, tmp_path: Path) -> None:
+def test_an_example_that_is_there_stays_and_a_stranger_s_file_is_not_replaced(mpsnet, tmp_path: Path) -> None:
     scan = tmp_path / "example" / "egg.obj"
     scan.write_text("mine", encoding="utf-8")
     assert mpsnet("example").returncode == 0 and scan.read_text(encoding="utf-8") == "mine"

@@ -150,10 +150,3 @@ def test_weights_of_another_network_are_refused(models: dict[str, tuple[Trained,
     inputs = tuple(map(torch.from_numpy, inputs_of(network, 2, 64, 64).values()))
     with pytest.raises(InputError, match="is not of the recipe's network; resume from another"):
         load_exported_weights(network, read_exported(models["multiscale"][1]), inputs)
-
-
-def test_a_damaged_file_cannot_be_trained_further(models: dict[str, tuple[Trained, Path]], tmp_path: Path) -> None:
-    damaged = tmp_path / "model.onnx"
-    damaged.write_bytes(models["psfcn"][1].read_bytes()[:-100])
-    with pytest.raises(InputError, match="is damaged or was not trained here; resume from another"):
-        read_exported(damaged)

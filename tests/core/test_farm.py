@@ -2,7 +2,6 @@
 
 import os
 import signal
-import threading
 import time
 from pathlib import Path
 
@@ -13,7 +12,7 @@ from synthetic import left_by, listing
 
 from mpsnet_core.errors import Cancelled, InputError
 from mpsnet_core.synthesis.farm.run import FAILURES_IN_A_ROW, JobOutcome, make_samples
-from mpsnet_core.synthesis.farm.work import THIS_PYTHON, clear_unfinished
+from mpsnet_core.synthesis.farm.work import THIS_PYTHON
 
 
 def run(folder: Path, count: int, processes: int = 2, **changes: object) -> JobOutcome:
@@ -89,9 +88,7 @@ def test_nothing_is_written_through_a_link_in_the_folder(tmp_path: Path) -> None
 def test_when_all_fail_it_stops(tmp_path: Path) -> None:
     for number in range(200):
         (tmp_path / f"fail_{number}").touch()
-    with pytest.raises(
-        InputError, match=rf"{FAILURES_IN_A_ROW} samples in a row failed.*sample \d+ shows nothing"
-    ):
+    with pytest.raises(InputError, match=rf"{FAILURES_IN_A_ROW} samples in a row failed.*sample \d+ shows nothing"):
         run(tmp_path, 200)
     assert len(begun(tmp_path)) < 200
 
@@ -235,18 +232,6 @@ def test_what_killed_runs_left_is_cleared_by_the_next(tmp_path: Path) -> None:
     assert run(tmp_path, 4) == JobOutcome(made=4)
     assert whole(tmp_path) == set(range(4))
     assert unfinished(tmp_path) == []
-
-
-def test_what_a_living_process_writes_is_left_alone(tmp_path: Path) -> None:
-    (tmp_path / "slow").write_text("60")
-    thread = threading.Thread(target=run, args=(tmp_path, 1))
-    thread.start()
-    until(lambda: any("sample" in name for name in unfinished(tmp_path)))
-    clear_unfinished(tmp_path)
-    assert unfinished(tmp_path)
-    (tmp_path / "slow").unlink()  # which ends the wait
-    thread.join()
-    assert whole(tmp_path) == {0}
 
 
 def test_two_runs_share_a_folder_and_no_sample_is_made_twice(tmp_path: Path) -> None:

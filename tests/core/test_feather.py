@@ -6,9 +6,8 @@ from plane_views import constant_view, plane, plate_before_plane
 from surface_shapes import camera_looking
 from synthetic import degrees_between
 
-from mpsnet_core.bake.bake import View, bake_normals
+from mpsnet_core import NormalMap, View, bake_normals
 from mpsnet_core.bake.projection import border_distance
-from mpsnet_core.scene.normal_map import NormalMap
 
 
 @pytest.mark.parametrize("limit", [1, 4, 40])

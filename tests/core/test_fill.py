@@ -9,14 +9,11 @@ from mesh_file import write_mesh
 from surface_shapes import camera_looking, texels_of
 from synthetic import degrees_between
 
+from mpsnet_core import BakeSettings, Mesh, NormalMap, write_camera, write_normals
 from mpsnet_core.bake import fill
 from mpsnet_core.bake.bake import View, bake_normals, bake_texture_sets
-from mpsnet_core.bake.settings import BakeSettings
 from mpsnet_core.cli import main
 from mpsnet_core.io.image_reading import read_channel
-from mpsnet_core.scene.camera import write_camera
-from mpsnet_core.scene.mesh import Mesh
-from mpsnet_core.scene.normal_map import NormalMap, write_normals
 from mpsnet_core.scene.texture_sets import texture_sets
 
 SIZE = 96

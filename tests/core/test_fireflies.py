@@ -33,9 +33,7 @@ def test_fireflies_do_not_mislead_the_network(painted: Sphere, count: int) -> No
 @pytest.mark.parametrize("places", [[(0, 0)], [(31, 0)], [(0, 47)], [(9, 9), (9, 10), (10, 9)]])
 @pytest.mark.parametrize("channels", [[1], [0, 1, 2]])
 @pytest.mark.parametrize("kind", [np.float32, np.float16])
-def test_a_firefly_becomes_as_its_surroundings(
-    sphere: Sphere, places: list[tuple[int, int]], channels: list[int], kind: type
-) -> None:
+def test_a_firefly_becomes_as_its_surroundings(sphere, places: list[tuple[int, int]], channels: list[int], kind: type):
     """In corners, at the border and among others too; a capture of one colour, so what it becomes is known."""
     plain = np.full((32, 48, 3), (0.5, 0.25, 0.125), kind)
     image = plain.copy()

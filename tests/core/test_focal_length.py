@@ -51,13 +51,10 @@ def test_the_focal_length_along_the_longer_side(
     [
         ({"FocalLengthIn35mmFilm": 1}, "a.jpg states a lens of 1 mm (EXIF), which no camera has; it is not used"),
         ({"FocalLengthIn35mmFilm": 50, "PixelXDimension": 4000, "PixelYDimension": 6000, "FocalLength": 33}, ""),
-        (
-            {"FocalLengthIn35mmFilm": 50, "PixelXDimension": 4000, "PixelYDimension": 4000},
-            "a.jpg was cropped from 4000 x 4000 pixels, so its lens (50 mm) is not used",
-        ),
+        ({"FocalLengthIn35mmFilm": 50, "PixelXDimension": 4000, "PixelYDimension": 4000}, "a.jpg was cropped from"),
     ],
 )
-def test_what_no_lens_has_and_the_lens_of_a_cropped_photo_are_refused(
+def test_what_no_lens_has_and_a_cropped_photos_lens_are_refused(
     tmp_path: Path, caplog: pytest.LogCaptureFixture, values: dict[str, float], sentence: str
 ) -> None:
     with caplog.at_level(logging.INFO):

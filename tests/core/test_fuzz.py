@@ -22,13 +22,10 @@ from hypothesis import strategies as st
 from odd_input import WORDS, odd_picture, odd_pixels, spoilt
 from workshop import READS, SIDE, SPHERE, VERBS, fill
 
+from mpsnet_core import InputError, read_cameras, read_height, read_sample
 from mpsnet_core.cli import main
 from mpsnet_core.cli.command import argument_parser
-from mpsnet_core.errors import InputError
-from mpsnet_core.relief.height_files import read_height
-from mpsnet_core.scene.photogrammetry import read_cameras
 from mpsnet_core.synthesis.reflectance.measured import read_fits
-from mpsnet_core.synthesis.sample import read_sample
 
 pytestmark = pytest.mark.long
 
@@ -131,9 +128,7 @@ def _logs(folder: Path) -> str:
 
 
 @pytest.fixture
-def bench(
-    workshop: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> Iterator[Bench]:
+def bench(workshop: Path, tmp_path, capfd, monkeypatch) -> Iterator[Bench]:
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
     monkeypatch.setattr(sys, "warnoptions", ["error"])  # else the command line hides NumPy's warnings
     kept = Path.cwd()
@@ -155,18 +150,6 @@ def hold(check: Callable[..., None], **drawn: st.SearchStrategy[Any]) -> None:
         (seed(time.time_ns())(tried) if MINUTES else tried)()
         if time.monotonic() >= end:
             return
-
-
-def test_the_workshop_is_in_order(bench: Bench) -> None:
-    refused = {}
-    for line in (*READS.values(), *VERBS):
-        here = bench.copy()
-        began = time.monotonic()
-        if (sentence := bench.run(here, line.split())) and "empty" not in line:
-            refused[line] = sentence
-        print(f"{time.monotonic() - began:.2f} {line}")
-        bench.leave(here)
-    assert not refused, "\n".join(f"{line}: {why}" for line, why in refused.items())
 
 
 @pytest.mark.filterwarnings("error", "ignore::hypothesis.errors.HypothesisWarning")

@@ -7,11 +7,9 @@ import pytest
 from near_scene import NEAR, WIDE, Scene, ball
 from synthetic import degrees_between
 
+from mpsnet_core import Capture, estimate_normals, published_rig
 from mpsnet_core.arrays.resampling import gaussian
-from mpsnet_core.capture.capture import Capture
 from mpsnet_core.estimate.albedo_removal.grain import divide_out_grain
-from mpsnet_core.estimate.estimator import estimate_normals
-from mpsnet_core.scene.rig import published_rig
 
 pytestmark = pytest.mark.accuracy
 

@@ -9,9 +9,7 @@ import pytest
 from height_shapes import Surface, ball, orthographic, plane
 from synthetic import listing, write_file
 
-from mpsnet_core import Camera, FileError, InputError
-from mpsnet_core.relief.height_files import read_height, write_height
-from mpsnet_core.relief.height_map import HeightMap
+from mpsnet_core import Camera, FileError, HeightMap, InputError, read_height, write_height
 
 POSE = np.array([[0, 0, 1, 2.0], [1, 0, 0, 3], [0, 1, 0, 4], [0, 0, 0, 1]])
 BALL = ball(orthographic(40, 50, 11.0, POSE), (0.2, -0.3, 0), 1.7)

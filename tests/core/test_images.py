@@ -1,6 +1,5 @@
 """The door to image files. What is read was written by OpenImageIO directly; what is written is read by it directly."""
 
-import logging
 import os
 import struct
 import zlib
@@ -12,12 +11,12 @@ import numpy as np
 import OpenImageIO as oiio
 import pytest
 from bad_input import SPHERE, Bench, cut, gets_one_clear_sentence
+from png_chunks import png_chunk, with_chunks
 from synthetic import listing, named, write_file, write_parts
 
-from mpsnet_core.errors import InputError, SettingsError
+from mpsnet_core import InputError, SettingsError, write_image
 from mpsnet_core.io.image import linear_to_srgb
 from mpsnet_core.io.image_reading import image_layers, read_data, read_image, read_mask, read_size
-from mpsnet_core.io.image_writing import write_image
 
 # IEC 61966-2-1 by hand: stored value, linear value.
 SRGB = {0.0: 0.0, 0.04: 0.04 / 12.92, 0.5: 0.2140411, 0.735357: 0.5, 1.0: 1.0}
@@ -64,40 +63,9 @@ def test_the_srgb_curve_is_undone(tmp_path: Path, stored: float, linear: float) 
     assert linear_to_srgb(np.array(linear)) == pytest.approx(stored, abs=1e-5)
 
 
-@pytest.mark.parametrize(
-    ("suffix", "kind", "encoding", "read_as"),
-    [
-        (".png", "uint16", "auto", "sRGB"),
-        (".png", "uint16", "linear", "linear"),
-        (".exr", "float", "auto", "linear"),
-        (".exr", "float", "srgb", "sRGB"),
-    ],
-)
-def test_the_assumption_is_noted_and_can_be_overridden(
-    tmp_path: Path, caplog: pytest.LogCaptureFixture, suffix: str, kind: str, encoding: str, read_as: str
-) -> None:
-    path = write_file(tmp_path / f"photo{suffix}", np.full((2, 2, 3), 0.5), kind)
-    with caplog.at_level(logging.INFO, "mpsnet_core"):
-        image = read_image(path, encoding=encoding)
-    assert image.pixels == pytest.approx(np.full((2, 2, 3), 0.5 if read_as == "linear" else SRGB[0.5]), abs=1e-4)
-    noted = [record.getMessage() for record in caplog.records]
-    assert len(noted) == (encoding == "auto") and all(f"read as {read_as} (" in note for note in noted)
-
-
 def test_a_file_that_says_it_is_linear_is_left_alone(tmp_path: Path) -> None:
     path = write_file(tmp_path / "photo.png", np.full((2, 2, 3), 0.5), "uint16", oiio__ColorSpace="linear")
     assert read_image(path).pixels == pytest.approx(np.full((2, 2, 3), 0.5), abs=1e-4)
-
-
-def with_chunk(path: Path, kind: bytes, body: bytes) -> Path:
-    """A PNG with one more chunk behind its header."""
-    head, data = path.read_bytes()[:33], path.read_bytes()[33:]
-    path.write_bytes(head + png_chunk(kind, body) + data)
-    return path
-
-
-def png_chunk(kind: bytes, body: bytes) -> bytes:
-    return struct.pack(">I", len(body)) + kind + body + struct.pack(">I", zlib.crc32(kind + body))
 
 
 @pytest.mark.parametrize(
@@ -112,7 +80,7 @@ def test_values_have_the_gamma_of_a_png(tmp_path: Path, gamma: int, linear: floa
     """A chunk gAMA of 100,000 over the gamma, and none of sRGB."""
     path = write_file(tmp_path / "photo.png", np.full((2, 2, 3), 0.3), "uint16", oiio__ColorSpace="unknown")
     assert b"sRGB" not in path.read_bytes()
-    with_chunk(path, b"gAMA", struct.pack(">I", gamma))
+    with_chunks(path, png_chunk(b"gAMA", struct.pack(">I", gamma)))
     assert read_image(path).pixels == pytest.approx(np.full((2, 2, 3), linear), abs=1e-4)
 
 
@@ -122,14 +90,16 @@ def test_values_have_the_gamma_of_a_png(tmp_path: Path, gamma: int, linear: floa
 def test_values_have_the_transfer_of_a_png(tmp_path: Path, transfer: int, gamma: int, linear: float) -> None:
     """A chunk cICP, by the numbers of H.273: it overrides gAMA, unless it is 2, unknown."""
     path = write_file(tmp_path / "photo.png", np.full((2, 2, 3), 0.3), "uint16", oiio__ColorSpace="unknown")
-    with_chunk(with_chunk(path, b"gAMA", struct.pack(">I", gamma)), b"cICP", bytes((9, transfer, 0, 1)))
+    with_chunks(path, png_chunk(b"gAMA", struct.pack(">I", gamma)), png_chunk(b"cICP", bytes((9, transfer, 0, 1))))
     image = read_image(path)
     assert image.pixels == pytest.approx(np.full((2, 2, 3), linear), abs=1e-4) and not image.assumed
 
 
 def test_a_png_that_was_cropped_out_of_a_page_is_read_whole(tmp_path: Path, colours: np.ndarray) -> None:
     """ImageMagick and GIMP note where in the page it was, in a chunk oFFs."""
-    path = with_chunk(write_file(tmp_path / "photo.png", colours, "uint16"), b"oFFs", struct.pack(">iiB", 3, 2, 0))
+    path = with_chunks(
+        write_file(tmp_path / "photo.png", colours, "uint16"), png_chunk(b"oFFs", struct.pack(">iiB", 3, 2, 0))
+    )
     assert read_image(path, encoding="linear").pixels == pytest.approx(colours, abs=1e-4)
 
 
@@ -192,9 +162,7 @@ def test_values_have_the_curve_of_the_colour_profile(tmp_path: Path, curve: byte
         (b"none", [0.02, 0.3, 0.8], np.inf),
     ],
 )
-def test_float_files_have_the_curve_of_their_colour_profile(
-    tmp_path: Path, curve: bytes, linear: list[float], clip: float
-) -> None:
+def test_float_files_have_the_curve_of_their_colour_profile(tmp_path, curve: bytes, linear: list[float], clip: float):
     """As darktable and RawTherapee write them; without curves they are linear."""
     image = read_image(write_profiled(tmp_path / "photo.tif", colour_profile(curve, curve, curve), "float"))
     assert image.pixels[0, :, 1] == pytest.approx(linear, abs=1e-4) and image.clip == clip and not image.assumed
@@ -264,9 +232,7 @@ class TestLayers:
         np.testing.assert_array_equal(image.alpha, np.ones((4, 6)))
 
     @pytest.mark.parametrize("name", ["Normal", "ViewLayer.Normal"])
-    def test_a_layer_is_read_by_its_full_or_last_name(
-        self, file: Path, passes: dict[str, np.ndarray], name: str
-    ) -> None:
+    def test_a_layer_is_read_by_its_full_or_last_name(self, file: Path, passes: dict[str, np.ndarray], name: str):
         values, alpha = read_data(file, name)
         np.testing.assert_array_equal(values, np.stack([passes[f"ViewLayer.Normal.{c}"] for c in "XYZ"], axis=-1))
         assert alpha is None
@@ -283,17 +249,6 @@ class TestLayers:
 
 def test_colour_is_read_where_a_position_lies_beside_it(tmp_path: Path, colours: np.ndarray) -> None:
     path = write_parts(tmp_path / "render.exr", [(None, named("", "RGB", colours) | named("", "XYZ", 0 * colours))])
-    np.testing.assert_array_equal(read_image(path).pixels, colours)
-
-
-def test_of_a_file_of_several_pages_the_first_is_read(tmp_path: Path, colours: np.ndarray) -> None:
-    """As GIMP writes layers, one of which has alpha."""
-    photo, page = (oiio.ImageBuf(values) for values in (colours, np.zeros((2, 3, 4), np.float32)))
-    path = str(tmp_path / "photo.tif")
-    assert photo.write(path)
-    target = oiio.ImageOutput.create(path)
-    assert target.open(path, (photo.spec(), page.spec())) and photo.write(target)
-    assert target.open(path, page.spec(), "AppendSubimage") and page.write(target) and target.close()
     np.testing.assert_array_equal(read_image(path).pixels, colours)
 
 
@@ -335,9 +290,7 @@ class TestWriting:
             ("a.exr", 16, "half"),
         ],
     )
-    def test_bits_are_what_was_asked_for(
-        self, tmp_path: Path, colours: np.ndarray, name: str, bits: int | None, stored: str
-    ) -> None:
+    def test_bits_are_what_was_asked_for(self, tmp_path, colours: np.ndarray, name: str, bits: int | None, stored: str):
         write_image(tmp_path / name, colours, bits=bits)
         buffer = oiio.ImageBuf(str(tmp_path / name))
         assert str(buffer.nativespec().format) == stored
@@ -390,9 +343,7 @@ def test_a_photo_stands_as_viewers_show_it(tmp_path: Path, orientation: int, fir
 
 
 @pytest.mark.parametrize(("aspect", "warnings"), [(2.0, 1), (0.5, 1), (1.0, 0), (1.001, 0)])
-def test_pixels_that_are_not_square_are_warned_of(
-    tmp_path: Path, caplog: pytest.LogCaptureFixture, aspect: float, warnings: int
-) -> None:
+def test_pixels_that_are_not_square_are_warned_of(tmp_path, caplog, aspect: float, warnings: int) -> None:
     read_image(write_file(tmp_path / "photo.exr", np.ones((2, 3, 3)), "half", PixelAspectRatio=aspect))
     assert len([record for record in caplog.records if "not square" in record.message]) == warnings
 
@@ -476,7 +427,9 @@ test_a_bad_image_gets_one_clear_sentence = gets_one_clear_sentence(
         ("a TIFF in Lab", lambda b: read_image(in_lab(b)), "photo.tif is in Lab colours…export it as RGB"),
         (
             "a PNG in HDR",
-            lambda b: read_image(with_chunk(b.photo("p.png", kind="uint16"), b"cICP", bytes((9, 16, 0, 1)))),
+            lambda b: read_image(
+                with_chunks(b.photo("p.png", kind="uint16"), png_chunk(b"cICP", bytes((9, 16, 0, 1))))
+            ),
             "p.png follows the PQ (HDR) curve…convert it to BT.709 or sRGB",
         ),
         ("a PNG with a bit of its head turned", lambda b: read_image(turned_bit(b, 24)), "photo.png cannot be read as"),

@@ -6,11 +6,9 @@ import numpy as np
 import pytest
 from height_shapes import Surface, off, plane, saddle, spheres, square_camera
 
+from mpsnet_core import Camera, InputError, NormalMap
 from mpsnet_core.arrays.mask_regions import labelled
-from mpsnet_core.errors import InputError
 from mpsnet_core.relief.integration.integrate import LOOSE, METHODS, MIN_FACING, Method, integrate
-from mpsnet_core.scene.camera import Camera
-from mpsnet_core.scene.normal_map import NormalMap
 
 # Its axis does not meet the picture's middle, and its pixels are not square.
 WIDE = Camera("perspective", 64, 101, [70.0, 55.0], [25.0, 60.0])

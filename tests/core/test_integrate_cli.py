@@ -6,13 +6,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 from height_shapes import ball, orthographic
+from mesh_file import write_mesh
+from relief_shapes import cube_sphere
 from synthetic import listing, write_file
 
-from mpsnet_core import Camera, read_image, read_mesh, write_camera, write_normals
+from mpsnet_core import Camera, NormalMap, read_height, read_image, read_mesh, write_camera, write_normals
 from mpsnet_core.cli import main
 from mpsnet_core.io.image_reading import read_channel
-from mpsnet_core.relief.height_files import read_height
-from mpsnet_core.scene.normal_map import NormalMap
 
 BALL = ball(orthographic(64, 72, 16), (0, 0, 0), 3.5)  # larger than the picture: no rim
 NEAR = ball(Camera("perspective", 72, 64, (100.0, 100.0)), (0, 0, -6), 2.6)
@@ -112,6 +112,11 @@ BAD: list[tuple[str, str]] = [
     ("flat.png --height h.png", "flat.png is not a normal map"),
     ("n_##.png --height h.png", "matches several normal maps; integrate them one by one"),
     ("inwards.png --height h.png", "inwards.png is not in camera space: many of its normals point away from the"),
+    ("n.png --uvs mesh.npz", "name their file with --height"),
+    ("n.png --uvs mesh.npz --height h.exr --focal 50", "--focal goes with a photo's normals"),
+    ("n.png --uvs mesh.npz --height mesh.npz", ".npz is not a supported image format"),
+    ("n.png --uvs mesh.npz --base gone.obj --height h.exr", "mesh file gone.obj does not exist"),
+    ("n.png --uvs mesh.npz --height n.png", "would overwrite n.png"),
     ("n.png --height h.png --space object", "--space goes with --uvs, which is not given"),
     ("n.png --curvature c.png --height-bits 32", "--height-bits goes with --height, which is not given"),
     ("n.png --height h.png --height-bits 8", "heights in 8 bits show steps"),
@@ -138,6 +143,7 @@ def test_bad_input(here: Path, capfd: pytest.CaptureFixture[str], words: str, sa
     half = np.where(np.arange(16) < 8, 1, -1)[:, None, None] * (0, 0, 0.5) + 0.5
     write_file(here / "inwards.png", np.broadcast_to(half, (16, 16, 3)), "uint16")
     write_file(here / "thin.png", np.broadcast_to((0.5, 0.5, 1.0), (1, 30, 3)), "uint16")
+    write_mesh(here / "mesh.npz", cube_sphere(2))
     (here / "oak.png.mask.png").write_bytes(b"somebody's own")
     for name in ("small.json", "small.png.json"):
         write_camera(here / name, orthographic(8, 8))

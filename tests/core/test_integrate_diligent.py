@@ -6,11 +6,8 @@ import numpy as np
 import pytest
 from synthetic import degrees_between
 
-from mpsnet_core.io.image_reading import read_mask
+from mpsnet_core import Camera, NormalMap, integrate, read_mask
 from mpsnet_core.learning.evaluation.diligent import object_folder, read_truth
-from mpsnet_core.relief.integration.integrate import integrate
-from mpsnet_core.scene.camera import Camera
-from mpsnet_core.scene.normal_map import NormalMap
 
 
 def derived(points: np.ndarray, mask: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -4,12 +4,10 @@ import numpy as np
 import pytest
 from height_shapes import Surface, off, square_camera, torus, two_spheres
 
+from mpsnet_core import Camera, NormalMap, ambient_occlusion
 from mpsnet_core.arrays.mask_regions import dilated
 from mpsnet_core.arrays.unit_vectors import normalised
 from mpsnet_core.relief.integration.integrate import METHODS, Method, integrate
-from mpsnet_core.relief.occlusion import ambient_occlusion
-from mpsnet_core.scene.camera import Camera
-from mpsnet_core.scene.normal_map import NormalMap
 
 pytestmark = pytest.mark.accuracy
 

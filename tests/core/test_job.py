@@ -54,9 +54,7 @@ def test_a_count_grows_and_never_shrinks(tmp_path: Path, asked: int, kept: int) 
         ({"denoise": True}, "its denoise is False, not True"),
     ],
 )
-def test_another_job_is_refused_and_what_differs_is_reported(
-    tmp_path: Path, changes: dict[str, object], words: str
-) -> None:
+def test_another_job_is_refused_and_what_differs_is_reported(tmp_path, changes: dict[str, object], words: str) -> None:
     place_job(tmp_path, JOB)
     with pytest.raises(InputError, match=f"holds another job: {words}; choose another folder or the same settings"):
         place_job(tmp_path, replace(JOB, **changes, count=50))  # type: ignore[arg-type]

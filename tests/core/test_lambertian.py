@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 from synthetic import CROSSTALK, Sphere, degrees_between, shaded_sphere, write_file
 
-from mpsnet_core.capture.capture import Capture
-from mpsnet_core.capture.open import read_capture
+from mpsnet_core import Capture, read_capture
 from mpsnet_core.estimate.estimator import Estimator, estimate_normals
 from mpsnet_core.scene.rig import LightRig, direction_from_angles, published_rig
 

@@ -7,17 +7,14 @@ import OpenImageIO as oiio
 import pytest
 from photogrammetry_scene import TURN, Array, refusal
 
+from mpsnet_core import Camera, Lens, PosedPhoto, undistorted
 from mpsnet_core.io.frames import PhotoFolder
 from mpsnet_core.io.image_reading import read_image, read_orientation
-from mpsnet_core.scene.camera import Camera
 from mpsnet_core.scene.photogrammetry.posed_photo import (
-    Lens,
-    PosedPhoto,
     as_displayed,
     find_photo,
     photo_points,
     turned,
-    undistorted,
     undistorted_mask,
 )
 

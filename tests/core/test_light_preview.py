@@ -7,11 +7,10 @@ import pytest
 from mesh_file import write_mesh
 from surface_shapes import camera_looking, sphere_mesh
 
+from mpsnet_core import Camera, Mesh, join_meshes, write_camera
 from mpsnet_core.io.image import srgb_to_linear
 from mpsnet_core.io.image_reading import read_data
-from mpsnet_core.scene.camera import Camera, write_camera
 from mpsnet_core.scene.light_preview import TOO_FEW, LitView, lit_view
-from mpsnet_core.scene.mesh import Mesh, join_meshes
 from mpsnet_core.scene.operations import PreviewLights
 from mpsnet_core.scene.rig import LightRig, direction_from_angles, near_rig, write_rig
 

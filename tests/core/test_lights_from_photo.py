@@ -8,8 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mpsnet_core import Estimate, GeometryError, SettingsError, read_normals, read_rig, write_image
-from mpsnet_core.capture.operations import Superpose
+from mpsnet_core import Estimate, GeometryError, SettingsError, Superpose, read_normals, read_rig, write_image
 from mpsnet_core.estimate.lights.find import find_lights
 from mpsnet_core.estimate.lights.operation import CalibratePhoto
 

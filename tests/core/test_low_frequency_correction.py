@@ -6,11 +6,8 @@ from eight_views import bumpy_normals, smoothly_wrong, turn
 from surface_shapes import camera_looking, sphere_mesh, sphere_view
 from synthetic import degrees_between
 
-from mpsnet_core.bake.bake import View
+from mpsnet_core import Camera, Mesh, NormalMap, View
 from mpsnet_core.bake.low_frequency_correction import correct_low_frequencies, find_low_frequency_correction
-from mpsnet_core.scene.camera import Camera
-from mpsnet_core.scene.mesh import Mesh
-from mpsnet_core.scene.normal_map import NormalMap
 
 MESH = sphere_mesh(96, 48)
 

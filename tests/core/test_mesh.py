@@ -17,9 +17,8 @@ from mesh_file import write_mesh
 from surface_shapes import sphere_mesh
 from synthetic import degrees_between
 
-from mpsnet_core import View, bake_normals, read_camera, read_normals
+from mpsnet_core import InputError, View, bake_normals, read_camera, read_normals
 from mpsnet_core.arrays.polygon_triangulation import triangulated
-from mpsnet_core.errors import InputError
 from mpsnet_core.scene.mesh import Mesh, Up, read_mesh, shared_normals
 
 # Two squares side by side, the right one bent up; each has UVs of its own.
@@ -121,58 +120,14 @@ def test_obj_of_windows_programs_keeps_its_first_vertex(tmp_path: Path, before: 
     assert corners_of(read_mesh(tmp_path / "mesh.obj")) == fan(LEFT)
 
 
-FLAT, SMOOTH = "flat", "smooth"
 QUADS = "f 1/1 2/2 3/3 4/4", "f 2/5 5/6 6/7 3/8"
 
 
-def is_shaded(mesh: Mesh, how: str) -> None:
-    """Whether the two squares are flat, or smooth at the fold between them."""
-    places = mesh.vertices[mesh.triangles]
-    is_left = places[..., 0].max(axis=1) <= 1
+def assert_flat(mesh: Mesh) -> None:
+    """Each of the two squares has the normals of its plane."""
+    is_left = mesh.vertices[mesh.triangles][..., 0].max(axis=1) <= 1
     expected = np.where(is_left[:, None, None], UP, SLANTED)
-    if how == SMOOTH:
-        expected = np.where(places[..., :1] == 1, np.add(UP, SLANTED), expected)
     assert degrees_between(mesh.corner_normals, expected).max() < 0.01
-
-
-@pytest.mark.parametrize(
-    ("lines", "how"),
-    [
-        (["{0}", "{1}"], FLAT),
-        (["s off", "{0}", "{1}"], FLAT),
-        (["s 0", "{0}", "{1}"], FLAT),
-        (["s", "{0}", "s on", "{1}"], FLAT),
-        (["s 1", "{0}", "{1}"], SMOOTH),
-        (["s 2", "{0}", "usemtl b", "g b", "{1}"], SMOOTH),
-        (["s 1", "{0}", "s off", "{1}"], FLAT),
-        (["{0}", "s 1", "{1}"], FLAT),
-        (["s 1", "{0}", "s 2", "{1}"], FLAT),
-        (["s 1", "{0}", "s 2", "s 1", "{1}"], SMOOTH),
-        (["o a", "s 1", "{0}", "o b", "s 1", "{1}"], FLAT),
-        (["s 1", "o a", "{0}", "{1}"], FLAT),
-        (["s off", "vn 1 0 0", "{0}", "{1}"], SMOOTH),
-    ],
-)
-def test_obj_without_normals_is_shaded_as_its_smoothing_groups_say(tmp_path: Path, lines: list[str], how: str) -> None:
-    """Flat where it says nothing. Smooth also where the UVs part."""
-    faces = "\n".join(lines).format(*QUADS)
-    is_shaded(read_mesh(obj(tmp_path / "mesh.obj", faces, normals=False)), how)
-
-
-def test_a_bent_quad_is_flat_as_a_whole(tmp_path: Path) -> None:
-    lines = ["v 0 0 0", "v 1 0 0", "v 1 1 1", "v 0 1 0", "vt 0 0", "f 1/1 2/1 3/1 4/1"]
-    (tmp_path / "bent.obj").write_text("\n".join(lines))
-    across = np.cross([1, 1, 1], [-1, 1, 0])  # the diagonals
-    assert degrees_between(read_mesh(tmp_path / "bent.obj").corner_normals, across).max() < 0.01
-
-
-def test_obj_corners_without_a_normal_get_the_smooth_one(tmp_path: Path) -> None:
-    faces = "f 1/1/1 2/2/1 3/3/1 4/4/1\nf 2/5 5/6 6/7 3/8"
-    mesh = read_mesh(obj(tmp_path / "mesh.obj", faces))
-    assert mesh.corner_normals[:2] == pytest.approx(np.broadcast_to(UP, (2, 3, 3)))
-    folded = mesh.vertices[mesh.triangles[2:]][..., 0] == 1
-    assert degrees_between(mesh.corner_normals[2:][folded], np.add(UP, SLANTED)).max() < 0.01
-    assert degrees_between(mesh.corner_normals[2:][~folded], SLANTED).max() < 0.01
 
 
 @pytest.mark.parametrize(
@@ -290,7 +245,7 @@ def test_glb_with_several_meshes_and_materials(tmp_path: Path, normals: bool) ->
     mesh = read_mesh(glb(tmp_path / "mesh.glb", normals=normals))
     assert sorted(corners_of(mesh)) == sorted(fan(LEFT, RIGHT))
     assert mesh.materials is not None and mesh.materials.names == ("a", "b")
-    is_shaded(mesh, FLAT)
+    assert_flat(mesh)
 
 
 def test_glb_with_a_stretching_node_has_its_mesh_s_tangents(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
@@ -320,21 +275,13 @@ def test_glb_with_a_stretching_node_has_its_mesh_s_tangents(tmp_path: Path, capl
     assert re.search(r"two\.glb: .*stretched in several ways, .*apply their scale", caplog.text)
 
 
-@pytest.mark.parametrize("suffix", [".obj", ".ply"])
-def test_normals_of_no_length_count_as_none(tmp_path: Path, suffix: str) -> None:
-    path = tmp_path / f"mesh{suffix}"  # a wall that faces -y, and has no normals at its lower corners
+def test_normals_of_no_length_count_as_none(tmp_path: Path) -> None:
+    path = tmp_path / "mesh.ply"  # a wall that faces -y, and has no normals at its lower corners
     rows = ["0 0 0 0 0 0", "1 0 0 0 0 0", "1 0 1 0 -1 0", "0 0 1 0 -1 0"]
-    if suffix == ".obj":
-        lines = [f"v {row[:5]}\nvt {row[0]} {row[4]}\nvn {row[6:]}" for row in rows] + ["f 1/1/1 2/2/2 3/3/3 4/4/4"]
-    else:
-        lines = [
-            "ply",
-            "format ascii 1.0",
-            "element vertex 4",
-            *(f"property float {name}" for name in ("x", "y", "z", "nx", "ny", "nz", "s", "t")),
-        ]
-        lines += ["element face 1", "property list uchar int vertex_indices", "end_header"]
-        lines += [f"{row} {row[0]} {row[4]}" for row in rows] + ["4 0 1 2 3"]
+    lines = ["ply", "format ascii 1.0", "element vertex 4"]
+    lines += [f"property float {name}" for name in ("x", "y", "z", "nx", "ny", "nz", "s", "t")]
+    lines += ["element face 1", "property list uchar int vertex_indices", "end_header"]
+    lines += [f"{row} {row[0]} {row[4]}" for row in rows] + ["4 0 1 2 3"]
     path.write_text("\n".join(lines) + "\n")
     assert read_mesh(path).corner_normals == pytest.approx(np.broadcast_to([0, -1, 0], (2, 3, 3)))
 
@@ -440,9 +387,7 @@ def placed(**how: object) -> dict[str, Any]:
         (placed(texCoord=1), True),
     ],
 )
-def test_glb_whose_normal_map_is_on_other_uvs_gets_a_warning(
-    tmp_path: Path, caplog: pytest.LogCaptureFixture, texture: dict[str, Any], warned: bool
-) -> None:
+def test_glb_whose_normal_map_is_on_other_uvs_gets_a_warning(tmp_path, caplog, texture: dict[str, Any], warned: bool):
     path = glb(tmp_path / "mesh.glb", normals=True)
     change_header(path, lambda header: header["materials"][0].update(normalTexture=texture))
     read_mesh(path)
@@ -572,13 +517,11 @@ def turning(corners: list[list[list[float]]]) -> list[list[list[float]]]:
     [as_strips, as_fans, without_indices, quantised, sparse, morphed(False), morphed(True), instanced, hidden_twins],
     ids=["strips", "fans", "no indices", "quantised", "sparse", "morphed", "morphed by nodes", "instanced", "hidden"],
 )
-def test_glb_is_the_same_in_other_words(
-    tmp_path: Path, edit: Callable[[dict[str, Any], bytes], bytes], caplog: pytest.LogCaptureFixture
-) -> None:
+def test_glb_is_the_same_in_other_words(tmp_path, edit: Callable[[dict[str, Any], bytes], bytes], caplog) -> None:
     mesh = read_mesh(edited(glb(tmp_path / "mesh.glb", normals=True), edit))
     expected = turning(fan(LEFT, RIGHT))
     assert np.array(turning(corners_of(mesh))) == pytest.approx(np.array(expected), abs=2e-5)
-    is_shaded(mesh, FLAT)
+    assert_flat(mesh)
     assert not caplog.records
 
 
@@ -634,9 +577,7 @@ def test_tangents_of_a_mirrored_node_turn_with_it(tmp_path: Path) -> None:
         ({"extensionsRequired": ["X_bent"]}, "X_bent is needed to read it, which is not known"),
     ],
 )
-def test_what_of_a_glb_is_left_out_is_said(
-    tmp_path: Path, said: dict[str, Any], words: str, caplog: pytest.LogCaptureFixture
-) -> None:
+def test_what_of_a_glb_is_left_out_is_said(tmp_path, said: dict[str, Any], words: str, caplog) -> None:
     caplog.set_level("INFO")
     path = glb(tmp_path / "mesh.glb", normals=True)
     change_header(path, lambda header: header.update(said))
@@ -661,7 +602,7 @@ def ply_of(path: Path, *, comments: str = "", of_vertices: str = "", faces: str 
 def test_ply_has_the_uvs_of_its_vertices_by_any_name_and_is_flat(tmp_path: Path, names: str) -> None:
     mesh = read_mesh(ply_of(tmp_path / "mesh.ply", of_vertices=names, faces="4 0 1 2 3\n4 1 4 5 2"))
     assert mesh.uvs == pytest.approx(mesh.vertices[mesh.triangles][..., :2])
-    is_shaded(mesh, FLAT)
+    assert_flat(mesh)
 
 
 def test_ply_of_triangle_strips(tmp_path: Path) -> None:
@@ -694,17 +635,6 @@ def test_up_and_unit_place_a_mesh_and_leave_its_own_space(tmp_path: Path, up: Up
     x, y, z = unit * plain.vertices.T
     assert mesh.world_vertices == pytest.approx(np.stack([x, -z, y] if up == "y" else [x, y, z], axis=1))
     assert mesh.vertices.tolist() == plain.vertices.tolist()
-
-
-@pytest.mark.parametrize("suffix", [".stl", ".off"])
-def test_shapes_without_uvs_are_read_where_none_are_needed(tmp_path: Path, suffix: str) -> None:
-    box = trimesh.creation.box()
-    box.export(tmp_path / f"box{suffix}")
-    mesh = read_mesh(tmp_path / f"box{suffix}", shape_only=True)
-    assert sorted(mesh.vertices[mesh.triangles].tolist()) == sorted(box.triangles.tolist())
-    assert degrees_between(mesh.corner_normals, np.repeat(box.face_normals[:, None], 3, axis=1)).max() < 0.01
-    with pytest.raises(InputError, match=r"it has no UVs"):
-        read_mesh(tmp_path / f"box{suffix}")
 
 
 def test_faces_that_turn_their_back_to_normals_are_reported(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:

@@ -7,9 +7,8 @@ import OpenImageIO as oiio
 import pytest
 from synthetic import shaded_sphere
 
-from mpsnet_core import Estimate, FindMask, Superpose, write_rig
+from mpsnet_core import Estimate, FindMask, Superpose, published_rig, write_rig
 from mpsnet_core.io.image_writing import write_image, write_mask
-from mpsnet_core.scene.rig import published_rig
 
 
 def stated(path):

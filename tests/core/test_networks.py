@@ -11,8 +11,7 @@ from small_networks import SMALL
 from synthetic import degrees_between, shaded_sphere
 from torch import Tensor, nn
 
-from mpsnet_core.capture.capture import Capture
-from mpsnet_core.errors import InputError
+from mpsnet_core import Capture, InputError
 from mpsnet_core.estimate.features import CONSTANTS, FEATURE_CHANNELS, feature_maps, initial_normals
 from mpsnet_core.learning.training.networks import NETWORKS, Network, build_network
 from mpsnet_core.scene.rig import direction_from_angles

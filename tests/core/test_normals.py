@@ -7,9 +7,7 @@ import pytest
 from bad_input import SPHERE, gets_one_clear_sentence
 from synthetic import Sphere, degrees_between, write_file
 
-from mpsnet_core.arrays.unit_vectors import angular_error
-from mpsnet_core.errors import GeometryError
-from mpsnet_core.io.image_writing import write_image
+from mpsnet_core import GeometryError, angular_error, write_image
 from mpsnet_core.scene.normal_encoding import encode, read_vectors
 from mpsnet_core.scene.normal_map import NormalMap, read_normals, stating_the_error, write_normals
 
@@ -25,9 +23,7 @@ ROOT = np.sqrt(0.5)
         ([-ROOT, 0, ROOT], "directx", [0.5 - ROOT / 2, 0.5, 0.5 + ROOT / 2]),
     ],
 )
-def test_colours_are_half_plus_half_the_vector(
-    vector: list[float], convention: str, colour: list[float], tmp_path: Path
-) -> None:
+def test_colours_are_half_plus_half_the_vector(vector: list[float], convention: str, colour: list[float], tmp_path):
     assert encode(np.array(vector), convention) == pytest.approx(colour)
     write_image(tmp_path / "n.exr", np.tile(colour, (2, 2, 1)))
     assert read_vectors(tmp_path / "n.exr", convention)[0] == pytest.approx(np.tile(vector, (2, 2, 1)), abs=1e-6)
@@ -64,9 +60,7 @@ def test_what_is_not_finite_inside_the_mask_is_refused(spoilt: float) -> None:
     ("name", "bits", "degrees"),
     [("n.png", 16, 0.0016), ("n.png", 8, 0.4), ("n.tif", 16, 0.0016), ("n.exr", 32, 1e-4), ("n.exr", 16, 0.06)],
 )
-def test_files_give_the_normals_back(
-    tmp_path: Path, sphere: Sphere, name: str, bits: int, degrees: float, convention: str
-) -> None:
+def test_files_give_the_normals_back(tmp_path, sphere, name: str, bits: int, degrees: float, convention: str) -> None:
     write_normals(tmp_path / name, NormalMap(sphere.normals, sphere.mask), convention=convention, bits=bits)
     back = read_normals(tmp_path / name, convention=convention)
     np.testing.assert_array_equal(back.mask, sphere.mask)
@@ -74,9 +68,7 @@ def test_files_give_the_normals_back(
 
 
 @pytest.mark.parametrize("background", [0.0, 0.5, (0.0, 0.7, 0.2), np.nan])
-def test_a_foreign_map_without_alpha_is_masked_by_unit_length(
-    tmp_path: Path, sphere: Sphere, background: float | tuple[float, ...]
-) -> None:
+def test_a_foreign_map_without_alpha_is_masked_by_unit_length(tmp_path, sphere, background: float | tuple[float, ...]):
     normals, mask = np.pad(sphere.normals, [(40, 40), (40, 40), (0, 0)]), np.pad(sphere.mask, 40)
     colours = np.where(mask[..., None], 0.5 + 0.5 * normals, background)
     back = read_normals(write_file(tmp_path / "n.tif", colours, "half"))

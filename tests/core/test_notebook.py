@@ -10,12 +10,9 @@ import pytest
 from synthetic import Sphere
 
 import mpsnet_core
-from mpsnet_core import Capture, HeightMap, InputError, NormalMap, Operation, Texture, View, normal_errors
-from mpsnet_core.cli.command import OPERATIONS
+from mpsnet_core import Capture, HeightMap, InputError, NormalMap, Texture, View, normal_errors, read_image
 from mpsnet_core.io.from_files import _own_kinds
-from mpsnet_core.io.image_reading import read_image
 from mpsnet_core.io.shown import LONGEST, Shown
-from mpsnet_core.operation import settings
 from mpsnet_core.progress import remaining_words
 from mpsnet_core.scene.camera import pixel_camera, write_camera
 from mpsnet_core.scene.normal_map import write_normals
@@ -45,13 +42,6 @@ def test_results_show_a_line_a_picture_and_their_array(results: list[Shown], tmp
         assert np.asarray(result) is getattr(result, result.array_name) and np.asarray(result).shape == result.shape
         copied = np.array(result, np.float64)
         assert copied.dtype == np.float64 and not np.shares_memory(copied, np.asarray(result))
-
-
-def test_matplotlib_gets_colours(results: list[Shown]) -> None:
-    """As its `cbook` asks for them; a normal's components below 0 would be clipped."""
-    for result in results:
-        colours = eval("np.array(result, subok=True)", {"__name__": "matplotlib.cbook", "np": np, "result": result})
-        assert colours.shape[2] == 3 and colours.min() >= 0 and colours.max() <= 1 and np.ptp(colours) > 0.05
 
 
 def test_a_large_picture_is_thinned_out() -> None:
@@ -87,16 +77,7 @@ def test_paths_are_taken_where_objects_are(sphere: Sphere, rig_file: Path, photo
     assert normal_errors(view.normals, tmp_path / "normals.exr").mean == 0  # type: ignore[arg-type]
 
 
-@pytest.mark.parametrize("kind", OPERATIONS)
-def test_operations_explain_their_options(kind: type[Operation]) -> None:
-    text = kind.__doc__ or ""
-    for setting in settings(kind):
-        assert not setting.option.help or (f"\n{setting.name} : " in text and setting.option.help in text)
-
-
-def test_run_shows_a_bar_only_where_somebody_watches(
-    photo_file: Path, rig_file: Path, capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_run_shows_a_bar_only_where_somebody_watches(photo_file, rig_file, capfd, monkeypatch) -> None:
     estimate = mpsnet_core.Estimate(
         image=(str(photo_file),), rig=str(rig_file), model="lambertian", output=str(photo_file.with_suffix(".png"))
     )

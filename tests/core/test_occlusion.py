@@ -5,10 +5,7 @@ import pytest
 from height_shapes import Surface, ball, bowl, bumps, orthographic, plane
 from surface_shapes import grid_triangles
 
-from mpsnet_core import Camera
-from mpsnet_core.relief.height_map import HeightMap
-from mpsnet_core.relief.occlusion import ambient_occlusion
-from mpsnet_core.scene.normal_map import NormalMap
+from mpsnet_core import Camera, HeightMap, NormalMap, ambient_occlusion
 from mpsnet_core.scene.rays import RayScene
 
 NEAR = Camera("perspective", 200, 180, (240.0, 260.0), (90.0, 100.0))

@@ -20,20 +20,18 @@ from mpsnet_core import (
     Align,
     BakeViews,
     CalibrateMixing,
-    Camera,
     Capture,
     Check,
     Estimate,
-    InputError,
     MakeMaterial,
     Superpose,
     WriteCameras,
-    read_capture,
-    read_rig,
-    write_camera,
-    write_rig,
 )
+from mpsnet_core.capture.open import read_capture
+from mpsnet_core.errors import InputError
 from mpsnet_core.io.image import Image, linear_to_srgb, srgb_to_linear
+from mpsnet_core.scene.camera import Camera, write_camera
+from mpsnet_core.scene.rig import read_rig, write_rig
 
 SIDE = 160
 # Not square, and not symmetric: a photo that is turned differs.

@@ -17,12 +17,10 @@ from networks import DENSE, card, conv, pass_through, random_weights, write_mode
 from onnx import TensorProto, helper, numpy_helper
 from synthetic import Sphere, listing, shaded_sphere
 
+from mpsnet_core import Capture, InputError, estimate_normals
 from mpsnet_core.arrays.unit_vectors import normalised
-from mpsnet_core.capture.capture import Capture
-from mpsnet_core.errors import InputError
 from mpsnet_core.estimate.card import CARD_KEY, CARD_VERSION, card_from_metadata
 from mpsnet_core.estimate.dense import PATCHES_A_BATCH
-from mpsnet_core.estimate.estimator import estimate_normals
 from mpsnet_core.estimate.features import feature_maps
 from mpsnet_core.estimate.onnx_model import OnnxModel
 
@@ -42,9 +40,7 @@ def difference(a: np.ndarray, b: np.ndarray) -> float:
     return float(np.abs(a - b).max())
 
 
-def test_onnxruntime_says_nothing_of_a_graph_whose_names_are_no_text(
-    tmp_path: Path, capfd: pytest.CaptureFixture[str]
-) -> None:
+def test_onnxruntime_says_nothing_of_a_graph_whose_names_are_no_text(tmp_path, capfd) -> None:
     path = tmp_path / "net.onnx"
     pass_through(path)
     path.write_bytes(path.read_bytes().replace(b"normals", b"normal\x80"))
@@ -158,9 +154,7 @@ def test_what_the_photo_holds_outside_the_mask_does_not_matter(tmp_path: Path, o
     ("asked", "full_name"),
     [("cuda", "CUDAExecutionProvider"), ("directml", "DmlExecutionProvider"), ("coreml", "CoreMLExecutionProvider")],
 )
-def test_a_provider_that_is_not_there_is_refused_with_those_that_are(
-    tmp_path: Path, asked: str, full_name: str
-) -> None:
+def test_a_provider_that_is_not_there_is_refused_with_those_that_are(tmp_path, asked: str, full_name: str) -> None:
     if full_name in onnxruntime.get_available_providers():
         pytest.skip(f"this onnxruntime has {full_name}")
     with pytest.raises(InputError, match=f"provider '{asked}' is not in this onnxruntime; choose .*cpu"):

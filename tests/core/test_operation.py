@@ -7,11 +7,10 @@ from typing import Any, ClassVar, Literal, get_args, get_origin, get_type_hints
 import numpy as np
 import pytest
 
-from mpsnet_core.bake.operations import Bake
+from mpsnet_core import Bake, FileError, InputError
 from mpsnet_core.cli.arguments import Parser, add_operation
 from mpsnet_core.cli.command import OPERATIONS
 from mpsnet_core.cli.reporter import Reporter
-from mpsnet_core.errors import FileError, InputError
 from mpsnet_core.io.provenance import operation_facts
 from mpsnet_core.operation import Operation, Result, option, settings
 from mpsnet_core.progress import Progress, silent

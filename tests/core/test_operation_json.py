@@ -7,11 +7,8 @@ from typing import Any
 
 import pytest
 
-from mpsnet_core.bake.operations import BakeViews
-from mpsnet_core.calibrate.operations import CalibrateLights
+from mpsnet_core import BakeViews, CalibrateLights, Estimate, SettingsError
 from mpsnet_core.cli.command import OPERATIONS
-from mpsnet_core.errors import SettingsError
-from mpsnet_core.estimate.operations import Estimate
 from mpsnet_core.operation import Operation, from_json, to_json
 
 SENT: list[tuple[Operation, dict[str, Any]]] = [

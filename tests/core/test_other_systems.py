@@ -28,9 +28,7 @@ def denied(monkeypatch: pytest.MonkeyPatch, method: str, times: int) -> None:
     monkeypatch.setattr(Path, method, tried)
 
 
-def test_a_file_that_is_held_for_a_moment_is_replaced_all_the_same(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_file_that_is_held_for_a_moment_is_replaced_all_the_same(tmp_path, monkeypatch) -> None:
     (tmp_path / "a.json").touch()
     denied(monkeypatch, "replace", 2)
     write_json(tmp_path / "a.json", {"new": True})
@@ -57,9 +55,7 @@ def test_what_cannot_be_removed_does_not_hide_why_it_was_to_be(tmp_path: Path, m
 
 @pytest.mark.skipif(sys.platform == "win32", reason="its paths ignore case by themselves")
 @pytest.mark.parametrize(("system", "same"), [("darwin", True), ("linux", False)])
-def test_names_that_macos_takes_for_one_would_be_overwritten(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, system: str, same: bool
-) -> None:
+def test_names_that_macos_takes_for_one_would_be_overwritten(tmp_path, monkeypatch, system: str, same: bool) -> None:
     monkeypatch.setattr(sys, "platform", system)
     for taken, output in (("Photo.png", "photo.png"), ("Sta\u0308r.png", "st\u00e4r.png")):
         refused = False
@@ -83,9 +79,7 @@ def test_the_halves_of_files_that_macos_leaves_on_other_disks_are_no_data(tmp_pa
 
 
 @pytest.mark.parametrize(("system", "gone"), [("win32", True), ("linux", False)])
-def test_windows_calls_a_closed_pipe_an_invalid_argument(
-    monkeypatch: pytest.MonkeyPatch, system: str, gone: bool
-) -> None:
+def test_windows_calls_a_closed_pipe_an_invalid_argument(monkeypatch, system: str, gone: bool) -> None:
     monkeypatch.setattr(sys, "platform", system)
     assert _is_closed_pipe(OSError(22, "Invalid argument")) == gone
     assert not _is_closed_pipe(OSError(22, "Invalid argument", "photo.png"))

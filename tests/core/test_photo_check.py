@@ -7,7 +7,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 from bad_input import gets_one_clear_sentence, with_pixel
-from conftest import Mpsnet
 from synthetic import shaded_sphere, write_file
 
 from mpsnet_core import Check, LightRig, published_rig, write_rig
@@ -135,7 +134,7 @@ def test_large_photos_and_files_without_an_upper_end() -> None:
     assert found["clipping"].level == "bad"
 
 
-def test_the_command_writes_a_line_and_a_sentence_an_item(tmp_path: Path, mpsnet: Mpsnet) -> None:
+def test_the_command_writes_a_line_and_a_sentence_an_item(tmp_path: Path, mpsnet) -> None:
     image, mask = photo(gain=0.03)
     write_file(tmp_path / "photo.png", image, "uint16")
     write_file(tmp_path / "mask.png", mask, "uint8")

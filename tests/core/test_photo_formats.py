@@ -3,13 +3,13 @@
 import io
 import struct
 import sys
-import zlib
 from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import OpenImageIO as oiio
 import pytest
+from png_chunks import png_chunk, with_chunks
 from synthetic import shaded_sphere, write_file
 
 from mpsnet_core import FormatError, InputError, read_capture, read_image
@@ -86,9 +86,7 @@ def test_a_webp_stands_upright(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("name", ["photo.heic", "photo.jpg"])
 @pytest.mark.parametrize("kind", ["HEIC", "AVIF"])
-def test_photos_of_phones_are_read_by_an_extra_or_named(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str, kind: str
-) -> None:
+def test_photos_of_phones_are_read_by_an_extra_or_named(tmp_path, monkeypatch, name: str, kind: str) -> None:
     heif = pytest.importorskip("pillow_heif")
     from PIL import Image
 
@@ -140,18 +138,7 @@ def test_of_a_tiffs_pages_the_largest_is_read(tmp_path: Path, caplog: pytest.Log
     assert "the largest is read, 9 x 6" in caplog.text and read_size(path) == (6, 9)
 
 
-def chunk(kind: bytes, body: bytes) -> bytes:
-    return struct.pack(">I", len(body)) + kind + body + struct.pack(">I", zlib.crc32(kind + body))
-
-
-def with_chunks(path: Path, *chunks: bytes) -> Path:
-    """A PNG with more chunks behind its header."""
-    head, rest = path.read_bytes()[:33], path.read_bytes()[33:]
-    path.write_bytes(head + b"".join(chunks) + rest)
-    return path
-
-
-LONG_TEXT = chunk(b"tEXt", b"Comment\0" + b"sRGB cICP gAMA " * 9000)
+LONG_TEXT = png_chunk(b"tEXt", b"Comment\0" + b"sRGB cICP gAMA " * 9000)
 
 
 @pytest.mark.parametrize("comment", [b"", LONG_TEXT, 3 * LONG_TEXT])
@@ -163,11 +150,11 @@ def test_what_a_png_says_is_what_its_chunks_say_wherever_they_stand(tmp_path: Pa
 
     srgb = pytest.approx(0.0732389, abs=1e-4)
     assert read() == (srgb, "srgb")
-    assert read(chunk(b"sRGB", b"\0")) == (srgb, None)
-    assert read(chunk(b"cICP", bytes((9, 8, 0, 1)))) == (pytest.approx(0.3, abs=1e-4), None)
-    assert read(chunk(b"gAMA", struct.pack(">I", 25_000))) == (pytest.approx(0.3**4, abs=1e-4), None)
+    assert read(png_chunk(b"sRGB", b"\0")) == (srgb, None)
+    assert read(png_chunk(b"cICP", bytes((9, 8, 0, 1)))) == (pytest.approx(0.3, abs=1e-4), None)
+    assert read(png_chunk(b"gAMA", struct.pack(">I", 25_000))) == (pytest.approx(0.3**4, abs=1e-4), None)
     with pytest.raises(FormatError, match="PQ"):
-        read(chunk(b"cICP", bytes((9, 16, 0, 1))))
+        read(png_chunk(b"cICP", bytes((9, 16, 0, 1))))
 
 
 def test_float_values_with_the_srgb_curve_are_recognised(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:

@@ -8,10 +8,8 @@ import pytest
 from mesh_file import write_mesh
 from surface_shapes import camera_looking, sphere_mesh, sphere_view
 
-from mpsnet_core.bake.presets import PRESETS
+from mpsnet_core import PRESETS, write_camera, write_normals
 from mpsnet_core.cli import main
-from mpsnet_core.scene.camera import write_camera
-from mpsnet_core.scene.normal_map import write_normals
 
 # What the engines' documentation says: the file of an object called HeroHead, whether green is up, bits.
 EXPECTED = {
@@ -74,9 +72,7 @@ def test_what_is_given_wins_over_the_preset(tilted: list[str], tmp_path: Path) -
 
 
 @pytest.mark.parametrize("padding", [[], ["--padding", "push-pull"]])
-def test_no_texture_is_too_small_for_a_margin_unasked_for(
-    padding: list[str], tilted: list[str], tmp_path: Path
-) -> None:
+def test_no_texture_is_too_small_for_a_margin_unasked_for(padding: list[str], tilted: list[str], tmp_path) -> None:
     assert main([*tilted, "--size", "8", *padding, "-o", str(tmp_path / "small.png")]) == 0
     assert stored(tmp_path / "small.png")[1].shape[:2] == (8, 8)
 
@@ -105,9 +101,7 @@ def test_godots_names_are_in_snake_case(given: str, stem: str) -> None:
         (["--padding", "push-pull", "--margin", "0"], "--margin goes with --padding nearest, not with push-pull"),
     ],
 )
-def test_bad_presets_get_one_sentence(
-    arguments: list[str], sentence: str, tilted: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_bad_presets_get_one_sentence(arguments: list[str], sentence: str, tilted: list[str], tmp_path, capsys) -> None:
     out = tmp_path / "out"
     given = [argument.format(folder=out) for argument in arguments]
     assert main([*tilted, "-o", str(out / "texture.png"), *given]) == 2

@@ -7,9 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
+from mpsnet_core import published_rig, write_image, write_rig
 from mpsnet_core.io.child_process import child_environment
-from mpsnet_core.io.image_writing import write_image
-from mpsnet_core.scene.rig import published_rig, write_rig
 
 
 def test_an_estimate_with_a_network_leaves_nothing_in_home_or_the_temporary_folder(tmp_path: Path) -> None:

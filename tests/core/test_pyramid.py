@@ -9,10 +9,9 @@ import pytest
 from networks import hands_on, sees_all
 from synthetic import CROSSTALK, degrees_between
 
-from mpsnet_core.capture.capture import Capture
+from mpsnet_core import Capture, estimate_normals
 from mpsnet_core.errors import Cancelled
 from mpsnet_core.estimate import dense
-from mpsnet_core.estimate.estimator import estimate_normals
 from mpsnet_core.estimate.onnx_model import OnnxModel
 from mpsnet_core.estimate.white_photo import normalise_by_white_photo
 from mpsnet_core.scene.rig import LightRig, direction_from_angles
@@ -20,7 +19,6 @@ from mpsnet_core.scene.rig import LightRig, direction_from_angles
 pytestmark = pytest.mark.accuracy
 
 RIG = LightRig(direction_from_angles([25.0, 35.0, 45.0], [75.0, 210.0, 320.0]), np.array(CROSSTALK))
-Inputs = dict[str, np.ndarray]
 
 
 @pytest.fixture(scope="module")
@@ -128,9 +126,7 @@ def test_tiled_and_untiled_agree_in_turned_frames(tmp_path: Path, ragged: Captur
     np.testing.assert_allclose(tiled.confidence, untiled.confidence, rtol=0, atol=1e-4)
 
 
-def test_how_many_rows_of_the_photo_are_read_at_a_time_does_not_matter(
-    tmp_path: Path, ragged: Capture, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_how_many_rows_of_the_photo_are_read_at_a_time_does_not_matter(tmp_path, ragged: Capture, monkeypatch) -> None:
     model = OnnxModel(sees_all(tmp_path / "n.onnx"))
     at_once = model(ragged)
     monkeypatch.setattr(dense, "READ_AT_ONCE", 1000)
@@ -150,9 +146,7 @@ def ramp(height: int, width: int) -> np.ndarray:
 @pytest.mark.parametrize("tilts", [(90, 210, 330), (5, 125, 245), (190, 70, 310), (280, 30, 150)])
 @pytest.mark.parametrize(("passes", "tile"), [(1, 1024), (2, 1024), (6, 1024), (2, 64)])
 @pytest.mark.parametrize("magnified", [1.0, 1.68])
-def test_the_coarse_answer_arrives_in_place(
-    tmp_path: Path, tilts: tuple[float, ...], passes: int, tile: int, magnified: float
-) -> None:
+def test_coarse_answers_arrive_in_place(tmp_path, tilts: tuple[float, ...], passes: int, tile: int, magnified: float):
     """Of 301 x 421 pixels it says something on 76 x 106 alone. Half a pixel off would be 1.2e-4 in the normals."""
     normals = ramp(301, 421)
     rig = LightRig(direction_from_angles([30.0, 30.0, 30.0], tilts))

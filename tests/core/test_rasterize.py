@@ -36,9 +36,7 @@ def random_triangles(kind: str, count: int = 150) -> np.ndarray:
 @pytest.mark.parametrize("kind", ["ordinary", "slivers", "smaller than a texel", "far outside"])
 @pytest.mark.parametrize("size", [1, 31, 64])
 @pytest.mark.parametrize("at_once", [1 << 20, 1000, 1])
-def test_each_texel_is_the_last_triangles_that_holds_its_centre(
-    monkeypatch: pytest.MonkeyPatch, kind: str, size: int, at_once: int
-) -> None:
+def test_each_texel_is_the_last_triangles_that_holds_its_centre(monkeypatch, kind: str, size: int, at_once: int):
     monkeypatch.setattr(rasterize, "AT_ONCE", at_once)
     uvs = random_triangles(kind)
     expected = owners_one_by_one(uvs, size)

@@ -8,13 +8,10 @@ import pytest
 from dng import BAYER, X_TRANS, filled_in, mosaic, write_dng
 from synthetic import degrees_between, shaded_sphere
 
-from mpsnet_core.capture.open import read_capture
-from mpsnet_core.errors import InputError
-from mpsnet_core.estimate.estimator import estimate_normals
+from mpsnet_core import InputError, estimate_normals, published_rig, read_capture
 from mpsnet_core.io.frames import expand_images
 from mpsnet_core.io.image_encoding import Encoding
 from mpsnet_core.io.image_reading import read_image, read_size
-from mpsnet_core.scene.rig import published_rig
 
 pytest.importorskip("rawpy")
 
@@ -49,9 +46,7 @@ def smooth(height: int = 48, width: int = 60) -> np.ndarray:
     ids=["nothing", "white balance", "colour matrix", "exposure"],
 )
 @pytest.mark.parametrize("pattern", [BAYER, "GBRG", X_TRANS])
-def test_flat_colours_come_through_whatever_the_file_says_of_their_looks(
-    tmp_path: Path, told: dict[str, tuple[float, ...]], pattern: str
-) -> None:
+def test_flat_colours_come_through_whatever_the_file_says(tmp_path, told: dict[str, tuple[float, ...]], pattern: str):
     path = write_dng(
         tmp_path / "a.dng", counted(mosaic(flat(), pattern)), pattern=pattern, black=BLACK, white=WHITE, **told
     )
@@ -203,23 +198,6 @@ class TestBadInput:
         good.write_bytes(good.read_bytes()[: int(share * good.stat().st_size)])
         self.refused(good, "photo.dng cannot be read as camera raw", "convert it to a linear TIFF")
         assert capfd.readouterr() == ("", "")
-
-    def test_a_header_with_any_bytes_wrong_gives_an_image_or_one_sentence(self, good: Path) -> None:
-        data, rng, refusals = good.read_bytes(), np.random.default_rng(1), 0
-        for _ in range(300):
-            spoilt = bytearray(data)
-            for _ in range(3):
-                spoilt[rng.integers(0, 520)] = rng.integers(0, 256)
-            good.write_bytes(spoilt)
-            try:
-                image = read_image(good)
-            except InputError as error:
-                refusals += 1
-                assert "photo.dng" in str(error) and "\n" not in str(error)
-            else:
-                assert np.isfinite(image.pixels).all() and image.clipped is not None
-                assert image.clipped.shape == image.pixels.shape
-        assert 20 < refusals < 280
 
     def test_proraw_in_jpeg_xl(self, tmp_path: Path) -> None:
         self.refused(write_dng(tmp_path / "p.dng", np.zeros((32, 32)), compression=52546), "JPEG XL", "Most Compatible")

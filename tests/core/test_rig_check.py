@@ -10,7 +10,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 from bumpy_sphere import bumpy_sphere
-from conftest import Mpsnet
 from synthetic import write_file
 
 from mpsnet_core import LightRig, NormalMap, write_normals, write_rig
@@ -160,7 +159,7 @@ def files(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.mark.parametrize("photos", ["photos/a.png", "photos"])
 @pytest.mark.parametrize("rig", ["right", "swapped"])
-def test_estimate_warns_once(photos: str, rig: str, files: Path, tmp_path: Path, mpsnet: Mpsnet) -> None:
+def test_estimate_warns_once(photos: str, rig: str, files: Path, tmp_path: Path, mpsnet) -> None:
     output = tmp_path / ("out" if photos == "photos" else "out.png")
     options = ["--rig", files / f"{rig}.json", "--mask", files / "mask.png", "--encoding", "linear", "-o", output]
     done = mpsnet("estimate", files / photos, *options, "--model", "lambertian")
@@ -169,7 +168,7 @@ def test_estimate_warns_once(photos: str, rig: str, files: Path, tmp_path: Path,
 
 
 @pytest.mark.parametrize("rig", ["right", "swapped"])
-def test_check_has_a_row_for_the_rig(rig: str, files: Path, mpsnet: Mpsnet) -> None:
+def test_check_has_a_row_for_the_rig(rig: str, files: Path, mpsnet) -> None:
     options = ["--rig", files / f"{rig}.json", "--mask", files / "mask.png", "--encoding", "linear"]
     done = mpsnet("check", files / "photos" / "a.png", *options)
     (row,) = [line.split() for line in done.stdout.splitlines() if line.split()[1] == "rig"]
@@ -188,7 +187,7 @@ def commands(files: Path, normals: str, output: Path) -> dict[str, list[object]]
 
 
 @pytest.mark.parametrize("command", ["integrate", "bake"])
-def test_maps_in_another_frame_are_told_alike(command: str, files: Path, tmp_path: Path, mpsnet: Mpsnet) -> None:
+def test_maps_in_another_frame_are_told_alike(command: str, files: Path, tmp_path: Path, mpsnet) -> None:
     down = mpsnet(*commands(files, "down.png", tmp_path)[command])
     assert down.returncode == 0 and down.stderr.count("[normal-directions]") == 1, down.stderr
     option = "--convention" if command == "integrate" else "--normals-convention"

@@ -149,9 +149,7 @@ def test_wherever_a_file_is_cut_it_is_reported(tmp_path: Path, file: Path, capfd
     assert capfd.readouterr() == ("", ""), "OpenEXR's own words are not printed"
 
 
-def test_flipped_bytes_never_pass_as_another_picture(
-    tmp_path: Path, file: Path, capfd: pytest.CaptureFixture[str]
-) -> None:
+def test_flipped_bytes_never_pass_as_another_picture(tmp_path, file: Path, capfd) -> None:
     whole, sample = file.read_bytes(), read_sample(file)
     rng = np.random.Generator(np.random.PCG64(21))
     spoilt = tmp_path / "spoilt.exr"

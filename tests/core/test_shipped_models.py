@@ -8,8 +8,7 @@ from typing import Literal
 import numpy as np
 import pytest
 
-from mpsnet_core.arrays.unit_vectors import angular_error
-from mpsnet_core.capture.capture import Capture
+from mpsnet_core import Capture, NormalMap, Sample, angular_error
 from mpsnet_core.estimate.estimator import Estimator, estimate_normals
 from mpsnet_core.estimate.registry import (
     COMPARISON_FOLDER,
@@ -20,10 +19,8 @@ from mpsnet_core.estimate.registry import (
     registered_models,
 )
 from mpsnet_core.learning.evaluation.scenes import HELD_OUT_SEED, held_out_blob, ideal_photograph, published_view
-from mpsnet_core.scene.normal_map import NormalMap
 from mpsnet_core.scene.rig import direction_from_angles
 from mpsnet_core.synthesis.reflectance import load_reflectance
-from mpsnet_core.synthesis.sample import Sample
 from mpsnet_core.synthesis.scene_description import Material, Pattern, SceneDescription
 from mpsnet_core.synthesis.shading.synthesise import synthesise
 from mpsnet_core.synthesis.shapes import build_shape
@@ -93,9 +90,7 @@ def test_three_passes_are_better_than_one_on_the_mean_of_eight_scenes() -> None:
     assert np.mean(errors[3]) < np.mean(errors[1])
 
 
-def test_a_still_is_averaged_and_the_quick_model_is_one_pass_under_its_old_name_too(
-    caplog: pytest.LogCaptureFixture,
-) -> None:
+def test_a_still_is_averaged_and_the_quick_model_is_one_pass_under_its_old_name_too(caplog) -> None:
     capture, ours = upright()
     once, thrice = estimate_normals(capture, passes=1), estimate_normals(capture, passes=3)
     np.testing.assert_array_equal(ours.vectors, thrice.vectors)

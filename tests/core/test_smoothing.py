@@ -6,10 +6,8 @@ import numpy as np
 import pytest
 from synthetic import degrees_between
 
-from mpsnet_core.errors import InputError
+from mpsnet_core import InputError, NormalMap, published_rig
 from mpsnet_core.estimate.sequence.run import EstimatedFrame, smoothed
-from mpsnet_core.scene.normal_map import NormalMap
-from mpsnet_core.scene.rig import published_rig
 
 SIZE = 96
 NOISE = 0.01

@@ -6,12 +6,9 @@ import numpy as np
 import pytest
 from synthetic import Sphere, degrees_between, write_file
 
-from mpsnet_core.capture.open import read_capture
-from mpsnet_core.capture.superpose import as_channels
+from mpsnet_core import as_channels, estimate_normals, read_capture, read_image
 from mpsnet_core.cli import main
-from mpsnet_core.estimate.estimator import estimate_normals
 from mpsnet_core.io.image import linear_to_srgb
-from mpsnet_core.io.image_reading import read_image
 
 PAINT = np.array([[0.9, 0.2, 0.1], [0.2, 0.4, 0.8]])
 
@@ -63,9 +60,7 @@ def test_what_the_sum_does_not_show_any_more_gets_a_warning(tmp_path: Path, caps
     assert f"{files[2]} was exposed for 0.2 s, {files[0]} for 0.1 s" in told and told.count("exposed for") == 1
 
 
-def test_the_sum_of_white_photos_is_reported_by_its_channels(
-    tmp_path: Path, sphere: Sphere, rig_file: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_the_sum_of_white_photos_is_reported_by_its_channels(tmp_path, sphere, rig_file, capsys) -> None:
     grey = np.maximum(sphere.normals @ sphere.rig.directions.T, 0).sum(axis=-1, keepdims=True) / 3
     photo = write_file(tmp_path / "sum.exr", grey * [1.0, 0.9, 0.8], "float")
     command = ["estimate", str(photo), "--rig", str(rig_file), "--model", "lambertian", "-o", str(tmp_path / "n.png")]

@@ -9,10 +9,8 @@ import pytest
 from height_shapes import Surface, ball, bumps, orthographic, plane
 from synthetic import listing
 
-from mpsnet_core import Camera, InputError, read_mesh
-from mpsnet_core.relief.height_map import HeightMap
+from mpsnet_core import Camera, HeightMap, InputError, NormalMap, read_mesh
 from mpsnet_core.relief.surface_mesh import SurfaceMesh, surface_mesh, write_surface_mesh
-from mpsnet_core.scene.normal_map import NormalMap
 
 pytestmark = pytest.mark.accuracy
 

@@ -9,7 +9,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 from bad_input import Bench, gets_one_clear_sentence
-from conftest import Mpsnet
 from progress_lines import events
 from synthetic import listing
 
@@ -49,14 +48,14 @@ def test_samples_are_what_their_recipes_say(made: Path) -> None:
     assert not np.array_equal(*(read_sample(made / f"sample_{n:06d}.exr").normals for n in (0, 1)))
 
 
-def test_the_same_seed_gives_the_same_bytes_with_more_workers(tmp_path: Path, mpsnet: Mpsnet, made: Path) -> None:
+def test_the_same_seed_gives_the_same_bytes_with_more_workers(tmp_path: Path, mpsnet, made: Path) -> None:
     assert mpsnet("synthesize", "--count", "6", *SMALL, "--processes", "2", "-o", tmp_path).returncode == 0
     for number in range(6):
         name = f"sample_{number:06d}.exr"
         assert (tmp_path / name).read_bytes() == (made / name).read_bytes(), name
 
 
-def test_make_goes_on_and_synthesize_extends(mpsnet: Mpsnet, made: Path) -> None:
+def test_make_goes_on_and_synthesize_extends(mpsnet, made: Path) -> None:
     lost = made / "sample_000003.exr"
     before = lost.read_bytes()
     lost.unlink()
@@ -68,7 +67,7 @@ def test_make_goes_on_and_synthesize_extends(mpsnet: Mpsnet, made: Path) -> None
     assert read_job(made).count == 7 and samples_there(made) == set(range(7))
 
 
-def test_samples_that_cannot_be_made_are_counted_and_the_rest_is_kept(tmp_path: Path, mpsnet: Mpsnet) -> None:
+def test_samples_that_cannot_be_made_are_counted_and_the_rest_is_kept(tmp_path: Path, mpsnet) -> None:
     meshes = tmp_path / "meshes"
     meshes.mkdir()
     (meshes / "solid.obj").write_text(SOLID)
@@ -94,17 +93,9 @@ test_a_bad_synthesis_gets_one_clear_sentence = gets_one_clear_sentence(
     [
         (lambda b: synthesize(b, "-o", b / os.fsdecode(b"\xf6")), "\\udcf6: its name is not valid UTF-8"),
         ("unknown shape", lambda b: synthesize(b, "--shapes", "blobs,teapots"), "shape 'teapots' is not known"),
-        (
-            "meshes of no folder",
-            lambda b: synthesize(b, "--shapes", "meshes"),
-            "where it names their folder",
-        ),
+        ("meshes of no folder", lambda b: synthesize(b, "--shapes", "meshes"), "where it names their folder"),
         (lambda b: synthesize(b, "--shapes", "blobs", "--meshes", b.folder), "where it names their folder"),
-        (
-            "a scene without Blender",
-            lambda b: synthesize(b, "--shapes", "scene"),
-            "where it names their objects",
-        ),
+        ("a scene without Blender", lambda b: synthesize(b, "--shapes", "scene"), "where it names their objects"),
         (lambda b: synthesize(b, "--shapes", "blobs,meshes", "--meshes", b / "nowhere"), "nowhere does not exist"),
         (lambda b: b.run("synthesize", "--count", "1", "-o", b / "no" / "where"), "cannot make folder"),
         (lambda b: ((b / "s").mkdir(), b.bytes("s/sample_000000.exr", b"x"), synthesize(b)), "holds samples but no"),

@@ -7,8 +7,7 @@ import pytest
 from mesh_file import write_mesh
 from uv_squares import squares
 
-from mpsnet_core.errors import InputError
-from mpsnet_core.scene.mesh import read_mesh
+from mpsnet_core import InputError, read_mesh
 from mpsnet_core.scene.texture_names import split_by, texture_files
 from mpsnet_core.scene.texture_sets import TextureSet, texture_sets
 

@@ -15,8 +15,7 @@ import pytest
 from bad_input import Bench, cut, gets_one_clear_sentence
 from sphere_sample import sphere_sample
 
-from mpsnet_core.errors import FileError
-from mpsnet_core.learning.operations import Train
+from mpsnet_core import FileError, Train
 from mpsnet_core.synthesis.sample import write_sample
 
 NEEDS_TORCH = pytest.mark.skipif(find_spec("torch") is None, reason="needs PyTorch")

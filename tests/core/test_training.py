@@ -174,9 +174,7 @@ def test_the_learning_rate_rises_stays_and_falls_to_nothing() -> None:
 
 
 @pytest.mark.parametrize(("network", "least"), [("mpsnet", 0.7), ("psfcn", 0.7)])
-def test_training_lowers_the_error_on_what_is_seen_again_and_again(
-    network: str, least: float, ball: Path, tmp_path: Path
-) -> None:
+def test_training_lowers_the_error_on_what_is_seen_again_and_again(network: str, least: float, ball: Path, tmp_path):
     of = recipe(network, steps=60, learning_rate=5e-3, ema=0.9)
     options = {"validation": [ball]}
     before = run(of, ball, tmp_path / "c", stop_after=1, **options).metrics
@@ -282,9 +280,7 @@ def test_a_resumed_run_ends_with_the_same_bits(network: str, samples: Path, tmp_
     assert not all(torch.equal(weights[0][name], weights[2][name]) for name in weights[0])
 
 
-def test_a_run_goes_on_with_other_samples_and_says_so(
-    ball: Path, samples: Path, tmp_path: Path, caplog: pytest.LogCaptureFixture
-) -> None:
+def test_a_run_goes_on_with_other_samples_and_says_so(ball: Path, samples: Path, tmp_path, caplog) -> None:
     of, checkpoint = recipe("demultiplexer", crop=16), tmp_path / "c"
     run(of, ball, checkpoint, stop_after=3)
     run(of, ball, checkpoint, resume=checkpoint, stop_after=4)

@@ -8,14 +8,10 @@ import OpenImageIO as oiio
 import pytest
 from synthetic import Sphere, shaded_sphere
 
-from mpsnet_core import Check, write_rig
-from mpsnet_core.capture.decode import read_correction
-from mpsnet_core.capture.open import read_capture
+from mpsnet_core import Check, LightRig, read_capture, read_correction, read_image, read_mask, write_rig
 from mpsnet_core.capture.transfer import CLOSE, DECIDED, evidence_for_linear
 from mpsnet_core.io.image import linear_to_srgb, srgb_to_linear
 from mpsnet_core.io.image_encoding import Encoding
-from mpsnet_core.io.image_reading import read_image, read_mask
-from mpsnet_core.scene.rig import LightRig
 
 pytestmark = pytest.mark.accuracy
 
@@ -61,18 +57,14 @@ def test_the_shading_shows_linear_values_and_many_colours_leave_srgb(
 
 @pytest.mark.parametrize("space", ["unknown", "sRGB"])
 @pytest.mark.parametrize("encoding", ["auto", "srgb"])
-def test_what_the_user_or_the_file_says_is_not_doubted(
-    tmp_path: Path, sphere: Sphere, caplog: pytest.LogCaptureFixture, space: str, encoding: Encoding
-) -> None:
+def test_what_the_user_or_the_file_says_is_not_doubted(tmp_path, sphere, caplog, space: str, encoding: Encoding):
     photo = written(tmp_path / "photo.png", sphere.image, space)
     read_capture(photo, sphere.rig, mask="threshold:0.02", encoding=encoding)
     assert ("READ AS LINEAR" in caplog.text) == (space == "unknown" and encoding == "auto")
 
 
 @pytest.mark.parametrize("mask", ["alpha-or-auto", "none", "threshold:0.3"])
-def test_the_mask_is_as_for_linear_values_and_reported_once(
-    tmp_path: Path, sphere: Sphere, caplog: pytest.LogCaptureFixture, mask: str
-) -> None:
+def test_the_mask_is_as_for_linear_values_and_reported_once(tmp_path, sphere, caplog, mask: str) -> None:
     photo = written(tmp_path / "photo.png", sphere.image)
     caplog.set_level("INFO")
     capture = read_capture(photo, sphere.rig, mask=mask)
@@ -92,9 +84,7 @@ def test_a_white_photo_is_taken_as_the_photo_is(tmp_path: Path, sphere: Sphere) 
     assert np.abs(capture.white - grey)[capture.mask].max() < 0.02
 
 
-def test_with_a_dark_frame_that_was_read_as_srgb_there_is_only_a_warning(
-    tmp_path: Path, sphere: Sphere, caplog: pytest.LogCaptureFixture
-) -> None:
+def test_with_a_dark_frame_that_was_read_as_srgb_there_is_only_a_warning(tmp_path, sphere, caplog) -> None:
     photo = written(tmp_path / "photo.png", sphere.image)
     correction = read_correction(written(tmp_path / "dark.png", 0 * sphere.image))
     capture = read_capture(photo, sphere.rig, mask="threshold:0.02", correction=correction)

@@ -8,10 +8,8 @@ import pytest
 from near_scene import DIRECTIONS, NEAR, WIDE, Scene, ball
 from synthetic import degrees_between
 
-from mpsnet_core.capture.capture import Capture
-from mpsnet_core.estimate.estimator import estimate_normals
+from mpsnet_core import Capture, NormalMap, estimate_normals
 from mpsnet_core.estimate.uniform_albedo import refine, refine_normals
-from mpsnet_core.scene.normal_map import NormalMap
 
 pytestmark = pytest.mark.accuracy
 

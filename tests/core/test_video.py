@@ -11,16 +11,14 @@ from typing import Any
 
 import numpy as np
 import pytest
-from conftest import Mpsnet
 from synthetic import Sphere, listing, write_file
 
+from mpsnet_core import InputError, read_normals
 from mpsnet_core.capture.open import Source
-from mpsnet_core.errors import InputError
 from mpsnet_core.estimate.sequence.source import Frame, Masks
 from mpsnet_core.estimate.sequence.video import read_video_header, video_frames, video_outputs
 from mpsnet_core.io.frames import is_video
 from mpsnet_core.io.image import srgb_to_linear
-from mpsnet_core.scene.normal_map import read_normals
 
 if find_spec("av") is None:
     pytest.skip("needs PyAV (the extra video)", allow_module_level=True)
@@ -83,9 +81,7 @@ def decoded(path: Path, encoding: Any = "auto") -> list[Frame]:
         ("a.mkv", "ffv1", "gbrp16le", np.uint16),
     ],
 )
-def test_every_frame_comes_out_in_order(
-    tmp_path: Path, name: str, codec: str, kind: str, depth: type[np.unsignedinteger]
-) -> None:
+def test_every_frame_comes_out_in_order(tmp_path, name: str, codec: str, kind: str, depth: type[np.unsignedinteger]):
     given = noise(7, depth)
     path = clip(tmp_path / name, given, codec, kind)
     assert is_video(path)
@@ -239,15 +235,11 @@ def test_bad_videos_get_one_sentence(tmp_path: Path, kind: str, capfd: pytest.Ca
 def test_colours_that_cannot_be_converted_get_one_sentence(tmp_path: Path) -> None:
     ictcp = 14
     [frame] = decoded(clip(tmp_path / "a.mkv", noise(1), kind="yuv444p", colorspace=ictcp))
-    with pytest.raises(
-        InputError, match=r"^a\.mkv, frame 1: its colours cannot be converted to RGB \(.*\); convert the"
-    ):
+    with pytest.raises(InputError, match=r"^a\.mkv, frame 1: its colours cannot be converted to RGB \(.*\); convert"):
         frame.source.photo()
 
 
-def test_a_size_beyond_reason_is_refused_before_memory_is_asked_for(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_size_beyond_reason_is_refused_before_memory_is_asked_for(tmp_path, monkeypatch) -> None:
     path = clip(tmp_path / "a.mkv", noise(1))
     monkeypatch.setattr("mpsnet_core.estimate.sequence.video.MAX_PIXELS", WIDTH * HEIGHT - 1)
     with pytest.raises(InputError, match=r"a\.mkv is 40 x 24, above"):
@@ -262,7 +254,7 @@ def spheres(sphere: Sphere, count: int) -> list[np.ndarray]:
     return [np.rint(np.clip(sphere.image * (0.5 + 0.05 * k), 0, 1) * 65535).astype(np.uint16) for k in range(count)]
 
 
-def test_a_video_becomes_numbered_normal_maps(tmp_path: Path, mpsnet: Mpsnet, rig_file: Path, sphere: Sphere) -> None:
+def test_a_video_becomes_numbered_normal_maps(tmp_path: Path, mpsnet, rig_file: Path, sphere: Sphere) -> None:
     path = clip(tmp_path / "turn.mkv", spheres(sphere, 5), "ffv1", "gbrp16le", color_trc=8)
     mask = write_file(tmp_path / "mask.png", sphere.mask, "uint8")
     command = ["estimate", path, "--rig", rig_file, "--model", "lambertian", "--mask", mask, "-o", tmp_path / "out"]
@@ -290,9 +282,7 @@ def test_a_video_becomes_numbered_normal_maps(tmp_path: Path, mpsnet: Mpsnet, ri
         (["-o", "out.png"], "out.png is one file, but .*turn.mkv is a video; give a folder"),
     ],
 )
-def test_options_that_do_not_go_with_a_video(
-    tmp_path: Path, mpsnet: Mpsnet, rig_file: Path, sphere: Sphere, arguments: list[str], words: str
-) -> None:
+def test_options_that_do_not_go_with_a_video(tmp_path, mpsnet, rig_file, sphere, arguments: list[str], words: str):
     path = clip(tmp_path / "turn.mkv", spheres(sphere, 1), "ffv1", "gbrp16le", color_trc=8)
     done = mpsnet("estimate", path, "--rig", rig_file, "-o", tmp_path / "out", *arguments)
     assert done.returncode == 2

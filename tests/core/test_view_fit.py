@@ -8,12 +8,9 @@ import numpy as np
 import pytest
 from surface_shapes import upright
 
+from mpsnet_core import Camera, Mesh, NormalMap, View
 from mpsnet_core.arrays.resampling import gaussian
-from mpsnet_core.bake.projection import View
 from mpsnet_core.bake.view_agreement import warn_of_misfit
-from mpsnet_core.scene.camera import Camera
-from mpsnet_core.scene.mesh import Mesh
-from mpsnet_core.scene.normal_map import NormalMap
 from mpsnet_core.scene.rays import RayScene
 
 SIDE = 160
@@ -93,8 +90,6 @@ def test_a_wrong_axis_or_unit_is_named(place: tuple[float, float], caplog: pytes
 
 @pytest.mark.parametrize("turned", [90, 180])
 @pytest.mark.parametrize("place", VIEWS)
-def test_another_camera_than_the_photos_is_said(
-    place: tuple[float, float], turned: float, caplog: pytest.LogCaptureFixture
-) -> None:
+def test_another_camera_than_the_photos_is_said(place: tuple[float, float], turned: float, caplog) -> None:
     view = replace(seen(place), camera=looking(place[0] + turned, place[1]))
     assert "check that camera, photo and mesh belong together" in said(view, mesh(30), caplog)

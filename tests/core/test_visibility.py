@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 from surface_shapes import camera_looking, sphere_mesh, towards_camera
 
-from mpsnet_core.scene.camera import Camera
-from mpsnet_core.scene.mesh import Mesh
+from mpsnet_core import Camera, Mesh
 from mpsnet_core.scene.rays import RayScene, Visibility
 
 pytestmark = pytest.mark.accuracy
@@ -70,9 +69,7 @@ def mesh() -> Mesh:
 
 @pytest.mark.parametrize(("direction", "projection"), VIEWS)
 @pytest.mark.parametrize("size", [300, 2000])
-def test_what_is_seen_is_what_no_triangle_hides(
-    mesh: Mesh, direction: tuple[float, float, float], projection: str, size: int
-) -> None:
+def test_what_no_triangle_hides_is_seen(mesh: Mesh, direction: tuple[float, float, float], projection: str, size: int):
     camera = camera_looking(direction, projection, size=size, distance=9, reach=3.2)
     rng = np.random.default_rng(2)
     triangle = rng.integers(0, len(mesh.triangles), 1500)

@@ -8,8 +8,7 @@ from near_scene import NEAR, ball
 from painted_sphere import GAINS, MIXED, Painted
 from synthetic import CROSSTALK, degrees_between
 
-from mpsnet_core.capture.capture import Capture
-from mpsnet_core.estimate.estimator import estimate_normals
+from mpsnet_core import Capture, estimate_normals
 from mpsnet_core.estimate.white_photo import normalise_by_white_photo
 from mpsnet_core.scene.rig import LightRig, direction_from_angles, published_rig
 

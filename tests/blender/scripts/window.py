@@ -4,8 +4,8 @@ does what it is asked to.
 Arguments: the JSON file to write the state to, the JSON file of the request, and "unfolded" where no panel shall be
 folded at first. A request is [number, verb, argument...] with
 "clear" (empty the clipboard), "invoke" (an operator with settings, as its button does), "set" (settings of a step),
-"photo" (open one from a file), "behind" (put a photo behind the scene's camera), "alone" (take all other panels away),
-"run" (Python, for what a person does elsewhere in Blender) and "quit".
+"photo" (open one from a file), "alone" (take all other panels away), "run" (Python, for what a person does elsewhere in
+Blender) and "quit".
 """
 
 import contextlib
@@ -97,16 +97,13 @@ def answer(verb, *arguments):
             setattr(getattr(bpy.context.scene.mps, step), name, set(value) if isinstance(value, list) else value)
     elif verb == "photo":
         bpy.ops.mps.open_photo(filepath=arguments[0])
-    elif verb == "behind":
-        bpy.context.scene.camera.data.background_images.new().image = bpy.data.images.load(arguments[0])
     elif verb == "invoke":
         operator, settings = arguments
-        module, _, operator = operator.rpartition(".")
         window, area = viewport()
         region = next(region for region in area.regions if region.type == "WINDOW")
         # What fails raises as well; the panel and the window's message say so.
         with bpy.context.temp_override(window=window, area=area, region=region), contextlib.suppress(RuntimeError):
-            getattr(getattr(bpy.ops, module or "mps"), operator)("INVOKE_DEFAULT", **settings)
+            getattr(bpy.ops.mps, operator)("INVOKE_DEFAULT", **settings)
 
 
 def alone(*panels):

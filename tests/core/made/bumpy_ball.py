@@ -5,9 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from mpsnet_core.scene.camera import Camera
+from mpsnet_core import Camera, published_rig
 from mpsnet_core.scene.mesh import Mesh, shared_normals
-from mpsnet_core.scene.rig import published_rig
 
 BUMPS = np.array(  # direction, height, narrowness
     [

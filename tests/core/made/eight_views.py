@@ -9,12 +9,8 @@ import numpy as np
 from surface_shapes import camera_looking, first_on_sphere, sphere_mesh, towards_camera
 from synthetic import degrees_between
 
-from mpsnet_core.bake.bake import View, bake_normals
-from mpsnet_core.bake.low_frequency_correction import correct_low_frequencies
+from mpsnet_core import Camera, NormalMap, View, bake_normals, correct_low_frequencies, published_rig
 from mpsnet_core.bake.projection import FEATHER
-from mpsnet_core.scene.camera import Camera
-from mpsnet_core.scene.normal_map import NormalMap
-from mpsnet_core.scene.rig import published_rig
 
 CORNERS = [(x, y, z) for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]
 

@@ -4,9 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mpsnet_core.relief.height_map import HeightMap
-from mpsnet_core.scene.camera import Camera
-from mpsnet_core.scene.normal_map import NormalMap
+from mpsnet_core import Camera, HeightMap, NormalMap
 
 
 @dataclass(frozen=True)

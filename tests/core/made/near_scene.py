@@ -5,9 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from mpsnet_core.capture.capture import Capture
-from mpsnet_core.scene.camera import Camera
-from mpsnet_core.scene.rig import LightRig, near_rig, published_rig
+from mpsnet_core import Camera, Capture, LightRig, near_rig, published_rig
 
 SIZE = 160
 WIDE = 24.0  # mm on a sensor of 36 mm

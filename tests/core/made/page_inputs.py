@@ -17,11 +17,9 @@ from flat_weave import Weave
 from surface_shapes import upright
 from synthetic import named, write_file, write_parts
 
-from mpsnet_core import Camera, NormalMap, published_rig, write_normals
+from mpsnet_core import Camera, NormalMap, near_rig, published_rig, write_camera, write_normals, write_rig
 from mpsnet_core.estimate.registry import find_network
 from mpsnet_core.io.image import linear_to_srgb
-from mpsnet_core.scene.camera import write_camera
-from mpsnet_core.scene.rig import near_rig, write_rig
 
 SIZE = (360, 300)
 FOCAL = 50 / 36 * SIZE[0]

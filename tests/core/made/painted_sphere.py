@@ -3,9 +3,7 @@
 import numpy as np
 from synthetic import CROSSTALK, degrees_between, shaded_sphere
 
-from mpsnet_core.capture.capture import Capture
-from mpsnet_core.estimate.estimator import estimate_normals
-from mpsnet_core.scene.rig import LightRig, published_rig
+from mpsnet_core import Capture, LightRig, estimate_normals, published_rig
 
 MIXED = LightRig(published_rig().directions, np.array(CROSSTALK))
 

@@ -4,10 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from mpsnet_core.bake.bake import View
-from mpsnet_core.scene.camera import Camera
-from mpsnet_core.scene.mesh import Mesh, join_meshes
-from mpsnet_core.scene.normal_map import NormalMap
+from mpsnet_core import Camera, Mesh, NormalMap, View, join_meshes
 
 SIZE = 96
 

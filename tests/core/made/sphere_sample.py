@@ -5,9 +5,8 @@ from collections.abc import Sequence
 import numpy as np
 from synthetic import shaded_sphere
 
-from mpsnet_core.scene.camera import Camera
+from mpsnet_core import Camera, Sample
 from mpsnet_core.scene.rig import direction_from_angles
-from mpsnet_core.synthesis.sample import Sample
 from mpsnet_core.synthesis.scene_description import Material, SceneDescription
 
 WHITE = (0.8, 0.8, 0.8)

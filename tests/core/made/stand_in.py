@@ -15,9 +15,8 @@ from pathlib import Path
 
 import numpy as np
 
-from mpsnet_core.errors import InputError
+from mpsnet_core import InputError, write_image
 from mpsnet_core.io.files import atomic_write
-from mpsnet_core.io.image_writing import write_image
 from mpsnet_core.synthesis.farm.work import THIS_PYTHON, serve
 from mpsnet_core.synthesis.job import SampleJob, samples_there
 

@@ -4,10 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mpsnet_core.bake.bake import View
-from mpsnet_core.scene.camera import Camera
-from mpsnet_core.scene.mesh import Mesh
-from mpsnet_core.scene.normal_map import NormalMap
+from mpsnet_core import Camera, Mesh, NormalMap, View
 
 
 def grid_triangles(rows: int, columns: int) -> np.ndarray:

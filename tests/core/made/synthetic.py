@@ -11,9 +11,8 @@ from typing import Any
 import numpy as np
 import OpenImageIO as oiio
 
-from mpsnet_core.capture.capture import Capture
+from mpsnet_core import Capture, LightRig, published_rig
 from mpsnet_core.io.files import unfinished_path
-from mpsnet_core.scene.rig import LightRig, published_rig
 
 CROSSTALK = [[0.80, 0.15, 0.05], [0.10, 0.85, 0.10], [0.02, 0.18, 0.75]]
 

@@ -18,11 +18,8 @@ from sphere_sample import sphere_sample
 from surface_shapes import sphere_mesh
 from synthetic import diligent_object, shaded_sphere, write_file
 
+from mpsnet_core import Camera, NormalMap, integrate, write_camera, write_height, write_normals
 from mpsnet_core.io.files import write_json
-from mpsnet_core.relief.height_files import write_height
-from mpsnet_core.relief.integration.integrate import integrate
-from mpsnet_core.scene.camera import Camera, write_camera
-from mpsnet_core.scene.normal_map import NormalMap, write_normals
 from mpsnet_core.scene.rig import WorldLights, near_rig, write_lp, write_rig, write_world_lights
 from mpsnet_core.scene.view_files import write_views
 from mpsnet_core.synthesis.job import SampleJob, write_job
