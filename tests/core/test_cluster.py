@@ -168,7 +168,7 @@ def test_a_tls_address_needs_the_certificates_of_its_cluster(certificates: Path,
         with pytest.raises(InputError, match=r"^the certificates for tls://.* cannot be read .*check the paths"):
             made_with(str(certificates / "none.pem"))
         monkeypatch.setattr(dask, "CONNECT_SECONDS", 1)
-        with pytest.raises(InputError, match=r"^no Dask scheduler answers at tls://"):
+        with pytest.raises(InputError, match=r"^no Dask scheduler at tls://"):
             made_with(theirs)
         monkeypatch.undo()
         assert made_with(ours) == JobOutcome(made=3)

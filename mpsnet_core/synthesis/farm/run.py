@@ -187,7 +187,9 @@ class _Tally:
             self.outcome.failed[result.number] = result.error
             self._failures_in_a_row += 1
             if self._failures_in_a_row == FAILURES_IN_A_ROW:
-                raise InputError(f"stopped: {FAILURES_IN_A_ROW} samples in a row failed, the last because {result.error}")
+                raise InputError(
+                    f"stopped: {FAILURES_IN_A_ROW} samples in a row failed, the last because {result.error}"
+                )
             return
         self._failures_in_a_row = 0
         if result.state == "made":
