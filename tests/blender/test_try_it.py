@@ -12,16 +12,6 @@ for_the_docs = pytest.mark.skipif(
 )
 
 
-# Gives the left of the viewport to another editor: a lamp that swings has it drawn again and again, in software.
-NARROW = """
-window = bpy.context.window_manager.windows[0]
-area = next(area for area in window.screen.areas if area.type == "VIEW_3D")
-with bpy.context.temp_override(window=window, area=area):
-    bpy.ops.screen.area_split(direction="VERTICAL", factor=0.4)
-min((area for area in window.screen.areas if area.type == "VIEW_3D"), key=lambda area: area.x).type = "TEXT_EDITOR"
-"""
-
-
 # Where the dividers of Before / After are at first, as shares of the width of viewport and tools.
 DIVIDERS = 0.51, 0.64
 
@@ -52,9 +42,6 @@ def sweep(window: Window, right: int, top: int) -> None:
 
 def test_try_it_ends_in_before_and_after_and_then_in_relight(unfolded, album):
     window = unfolded
-    if not os.environ.get("MPSNET_SCREENSHOTS"):
-        window.ask("run", NARROW)
-        window.wait(lambda state: state["sidebar"], "sidebar of what is left")
     button = window.find("mps.try_it")
     with window.film(album / "try_it.webp"):
         window.click(*button)
