@@ -126,7 +126,9 @@ def find_low_frequency_correction(
 ) -> LowFrequencyCorrection:
     """The rotations that :func:`correct_low_frequencies` applies. The parameters are the same."""
     if not MIN_LEVEL_SCALE <= scale <= MAX_LEVEL_SCALE:
-        raise SettingsError(f"a levelling scale is not {scale:g}; choose {MIN_LEVEL_SCALE:g} to {MAX_LEVEL_SCALE:g}")
+        raise SettingsError(
+            f"a --level of {scale:g} is out of range; choose {MIN_LEVEL_SCALE:g} to {MAX_LEVEL_SCALE:g}"
+        )
     height, width = normals.mask.shape
     if (camera.width, camera.height) != (width, height):
         raise GeometryError(f"the camera is {camera.width} x {camera.height} but its normals are {width} x {height}")

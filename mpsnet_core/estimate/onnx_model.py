@@ -235,7 +235,9 @@ class OnnxModel:
                     f"{MAX_ARENA_BYTES / (1 << 30):.3g} GiB; use smaller tiles"
                 ) from None
             reason = " ".join(str(error).split())[:200]
-            raise FormatError(f"model file {self.path} failed on {shapes}: {reason}; export dynamic sizes") from None
+            raise FormatError(
+                f"model file {self.path} failed on {shapes}: {reason}; export it with dynamic sizes"
+            ) from None
         if not all((np.abs(outputs[name]) < MAX_OUTPUT).all() for name in ("normals", "confidence") if name in outputs):
             raise FormatError(f"model file {self.path} returned values that are not finite; train or export it again")
         normals = self._shaped("normals", outputs, (count, 3, *size))
