@@ -12,6 +12,8 @@ T = TypeVar("T")
 NoteLevel = Literal["good", "look", "stop"]
 NOTE_LEVELS: tuple[NoteLevel, ...] = get_args(NoteLevel)
 _CODE = re.compile(r" \[([a-z]+(?:-[a-z]+)+)\]")
+# A template from a file may ask for no others: a wide field takes any amount of memory.
+_PLACEHOLDER = re.compile(r"%(?:[+]?(?:\.\d{1,2})?[a-z]|%)")
 
 # Characters of a message: about twice the length of a sentence that names two paths.
 LONGEST = 500
@@ -112,7 +114,7 @@ class Note(str):
         """The inverse of :meth:`facts`. Raises FormatError if these are none, as in a file from elsewhere."""
         try:
             values = [cls.from_facts(one) if isinstance(one, dict) else one for one in facts["values"]]
-            if facts["level"] in NOTE_LEVELS:
+            if facts["level"] in NOTE_LEVELS and "%" not in _PLACEHOLDER.sub("", facts["template"] if values else ""):
                 return cls(facts["template"], *values, level=facts["level"])
         except (TypeError, ValueError, KeyError, AttributeError, RecursionError):
             pass

@@ -27,6 +27,8 @@ def test_a_note_comes_back_as_it_was() -> None:
         {"level": "best", "template": "x", "values": []},
         {"level": "good", "template": "%d", "values": ["x"]},
         {"level": "good", "template": 3, "values": []},
+        {"level": "good", "template": "%999999999d", "values": [1]},
+        {"level": "good", "template": "%*d", "values": [999999999, 1]},
         {"level": "good", "template": "x", "values": 5},
     ],
 )
