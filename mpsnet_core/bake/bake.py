@@ -229,7 +229,8 @@ class _Bake:
         order = np.argsort(np.concatenate(seen), kind="stable")
         corners = np.concatenate([surface.corners for surface in surfaces])
         under = _RasterisedSurfaces(surfaces, order, Raster(corners[order], fine_size))
-        texture = _blank((height, width), self.baking.space, colours=self.projectors.values > 4)
+        coloured = self.projectors.values > 4
+        texture = _blank((height, width), self.baking.space, colours=coloured)
         island_of = self._islands(texture_set)
         filled = (0, 0) if island_of is None else (height, width)
         islands, known = np.full(filled, -1, np.int32), np.zeros(filled, bool)
@@ -243,9 +244,7 @@ class _Bake:
             fine = slice(rows.start * samples, rows.stop * samples)
             points = texture
             if samples > 1:
-                points = _blank(
-                    (fine.stop - fine.start, fine_size[0]), self.baking.space, colours=texture.colours is not None
-                )
+                points = _blank((fine.stop - fine.start, fine_size[0]), self.baking.space, colours=coloured)
             self._sample(points, under, fine, step)
             if samples > 1:
                 averaged = _averaged(points, samples)

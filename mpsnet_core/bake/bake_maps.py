@@ -81,12 +81,11 @@ def _bake_frames(
     Raises InputError if a texture cannot be written, or the first few frames cannot be read or baked.
     """
     frames = _frames(options, views, target)
-    files = [file for file, _ in frames.values()]
     read = {file for _, inputs in frames.values() for file in inputs.files}
-    disk.check_no_overwrite(read.union(_onto_files(options)), files)
+    disk.check_no_overwrite(read.union(_onto_files(options)), [file for file, _ in frames.values()])
     folder = results_folder(target.output, "a sequence is baked", "textures")
     disk.remove_abandoned(disk.ensure_folder(folder, "textures"))
-    level = options.level_scale()
+    level, batch = options.level_scale(), Batch[Path]()
     base_map = one_base_map(options.onto, options.onto_convention, options.onto_shown) if options.onto else None
     reader = ViewReader(level, [base_map] if base_map else [], options.normals_convention, options.agreed)
     how = f"{level}{' where they agree' if options.agreed else ''}"
@@ -94,7 +93,7 @@ def _bake_frames(
     mesh_of = lru_cache(maxsize=1)(options.read_mesh)
     # A share of the base map's relief estimated per frame would flicker: the first frame's applies to all.
     first, shares = next(iter(frames.values()))[1], None
-    seen, filled, batch = list[float](), list[float](), Batch[Path]()
+    seen, filled = list[float](), list[float]()
     for number, (output, inputs) in enumerate(frames.values()):
         step = part(progress, number / len(frames), (number + 1) / len(frames), f"{output.name}, {len(frames)} in all")
         step(0.0, "")
@@ -121,22 +120,17 @@ def _bake_frames(
         filled.append(texture.filled_fraction or 0.0)
     batch.check_any()
     progress(1.0, "done")
-    failed = batch.failed()
-    made, existing = len(seen), len(frames) - len(seen) - len(failed)
+    failed, made = batch.failed(), len(seen)
+    existing = len(frames) - made - len(failed)
     textures = {number: str(file) for number, (file, _) in frames.items() if file not in failed}
     means = [round(sum(shares) / made, 4) if made else None for shares in (seen, filled)]
     counts = [f"{made} made", f"{existing} there already" * bool(existing), f"{len(failed)} failed" * bool(failed)]
     return FramesBaked(
         target.output,
         textures[min(textures)],
-        min(textures),
-        max(textures),
-        len(textures),
-        made,
-        existing,
-        means[0],
+        *(min(textures), max(textures), len(textures), made, existing, means[0]),
         means[1] if baking.fill else None,
-        text=f"{files[0].parent}: textures of {len(frames)} frames, {', '.join(filter(None, counts))}",
+        text=f"{output.parent}: textures of {len(frames)} frames, {', '.join(filter(None, counts))}",
         failed=[*failed.values()] or None,
     )
 
