@@ -229,7 +229,7 @@ class Step(bpy.types.Panel):
         if body:
             body.template_icon(icon_value=image.preview_ensure().icon_id, scale=across_sidebar())
         when = made_when(image)
-        row.label(text=fitted(f"{when}  {path.name}" if when else path.name, take=5))
+        row.label(text=fitted(f"{when}  {path.name}" if when else path.name, take=6))
         row.operator("mps.show_image", text="", icon="IMAGE_DATA", emboss=False).image = image.session_uid
         if is_safe_to_open(path.parent):
             row.operator("wm.path_open", text="", icon="FILE_FOLDER", emboss=False).filepath = str(path.parent)
