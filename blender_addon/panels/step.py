@@ -229,7 +229,9 @@ class Step(bpy.types.Panel):
         if body:
             body.template_icon(icon_value=image.preview_ensure().icon_id, scale=across_sidebar())
         when = made_when(image)
-        row.label(text=fitted(f"{when}  {path.name}" if when else path.name, take=6))
+        # Rather a part that is whole than all with its middle left out.
+        texts = [text for text in (f"{when}  {path.name}" if when else "", path.name, when) if text]
+        row.label(text=next((text for text in texts if fitted(text, take=4) == text), fitted(texts[-1], take=4)))
         row.operator("mps.show_image", text="", icon="IMAGE_DATA", emboss=False).image = image.session_uid
         if is_safe_to_open(path.parent):
             row.operator("wm.path_open", text="", icon="FILE_FOLDER", emboss=False).filepath = str(path.parent)
