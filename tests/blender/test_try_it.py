@@ -35,7 +35,7 @@ def sweep(window: Window, right: int, top: int) -> None:
     dividers = [round(right * share) for share in DIVIDERS]
     for number, divider in enumerate(dividers):
         window.input("mousemove", divider, top + 700, "mousedown", 1)
-        for x in [*np.linspace(divider, right * (0.3 if number else 0.8), 8), *[divider] * 2]:
+        for x in [*np.linspace(divider, right * (0.55 if number else 0.6), 8), *[divider] * 2]:
             window.input("mousemove", round(float(x)), top + 700, "sleep", "0.4")
         window.input("mouseup", 1)
 
