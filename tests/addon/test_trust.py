@@ -13,6 +13,7 @@ from blender_addon.child_process import trust
 from blender_addon.child_process.core_process import CoreProcess
 from blender_addon.photo.background_render import rendering_blender, written_job
 from blender_addon.settings.record import notes_of
+from mpsnet_core.errors import Note
 
 
 def touching(name):
@@ -60,14 +61,13 @@ def opened(tmp_path):
     bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "hostile.blend"), use_scripts=False)
 
 
-def rendered(tmp_path, name="job"):
-    """What the button's other Blender answers."""
+def notes_of_render(tmp_path, name="job"):
+    """The notes that the button's other Blender answers."""
     folder = tmp_path / name
     folder.mkdir()
     output = tmp_path / f"{name}.exr"
-    return CoreProcess(
-        written_job(bpy.context, "normals", output, folder), [output], rendering_blender(folder)
-    ).result()
+    process = CoreProcess(written_job(bpy.context, "normals", output, folder), [output], rendering_blender(folder))
+    return [Note.from_facts(facts) for facts in process.result()["told"]]
 
 
 @pytest.fixture
@@ -84,7 +84,7 @@ def preferences():
 def test_drivers_that_the_window_never_evaluates_do_not_run_in_the_render_and_that_is_reported(hostile, tmp_path):
     opened(tmp_path)
     assert not bpy.app.autoexec_fail  # nothing here looks as if scripts were off
-    (note,) = rendered(tmp_path)["notes"]
+    (note,) = notes_of_render(tmp_path)
     assert note.startswith("scripts are off where this was rendered") and "tick Run Scripts Once" in note
     assert not list(hostile.iterdir())
 
@@ -101,7 +101,7 @@ def test_drivers_that_the_window_shows_and_registered_texts_with_handlers_do_not
     bpy.data.objects["Hidden"].hide_viewport = False
     bpy.ops.wm.save_mainfile()
     opened(tmp_path)
-    assert trust.SCRIPTS_OFF in rendered(tmp_path)["notes"][0]
+    assert trust.SCRIPTS_OFF in notes_of_render(tmp_path)[0]
     assert not list(hostile.iterdir())
 
 
@@ -114,11 +114,11 @@ def test_the_box_lets_scripts_run_in_one_render_and_no_file_can_tick_or_keep_it(
     opened(tmp_path)
     assert not bpy.context.window_manager.mps.run_scripts
     bpy.context.window_manager.mps.run_scripts = True
-    assert rendered(tmp_path, "ticked")["notes"] == []
+    assert notes_of_render(tmp_path, "ticked") == []
     assert {path.name for path in hostile.iterdir()} == {"hidden driver", "linked driver"}
     for path in hostile.iterdir():
         path.unlink()
-    assert len(rendered(tmp_path, "next")["notes"]) == 1
+    assert len(notes_of_render(tmp_path, "next")) == 1
     assert not list(hostile.iterdir())
 
 
