@@ -184,7 +184,7 @@ def frame_pattern(file: Path) -> Path:
 def image_file(image: bpy.types.Image | None, what: str, mend: str) -> Path:
     """The file of an image; for packed images, a copy on disk.
 
-    Raises InputError if there is no image, or if it has no file or unsaved changes.
+    Raises InputError if no image is given, if it has no file, or if it has unsaved changes.
     """
     if image is None:
         raise InputError(f"there is no {what} yet; {mend}")

@@ -35,7 +35,7 @@ def superpose(photos: Sequence[AnyPath], *, encoding: Encoding = "auto") -> Imag
     Raises
     ------
     SettingsError
-        If there is no photo.
+        If no photo is given.
     GeometryError
         If sizes differ, or the result is fully transparent.
     """

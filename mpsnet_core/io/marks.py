@@ -20,7 +20,7 @@ _ASSUMED = "linear values, of photos that state no encoding and were read as "
 
 
 def made(what: str) -> str:
-    """The description of an image that is no photo: what it is, and that this program made it."""
+    """The description of an image that is not a photo: what it is, and that this program made it."""
     return f"{what}{BY}{__version__}"
 
 
