@@ -305,10 +305,7 @@ class MPS_OT_before_after(ReportingOperator, bpy.types.Operator):
             _running[0].leave()
             redraw_panels(context.window_manager)
             return {"FINISHED"}
-        if bpy.app.background:
-            return self.execute(context)
-        self.begin(context)
-        return {"RUNNING_MODAL"} if self.done(lambda: self._start(context)) else {"CANCELLED"}
+        return self.start_modal(context, self._start)
 
     def _start(self, context: Any) -> None:
         areas = [one for one in (context.area, *context.window.screen.areas) if one is not None]

@@ -187,10 +187,7 @@ class RunsCore(ReportingOperator):
         self._stored.append(note)
 
     def invoke(self, context: Any, event: bpy.types.Event) -> set[Any]:
-        if bpy.app.background:
-            return self.execute(context)
-        self.begin(context)
-        return {"RUNNING_MODAL"} if self.done(lambda: self._start(context)) else {"CANCELLED"}
+        return self.start_modal(context, self._start)
 
     def _start(self, context: Any) -> None:
         begun = time.monotonic()

@@ -126,6 +126,13 @@ class ReportingOperator(bpy.types.Operator):
                     )
         self.act(context)
 
+    def start_modal(self, context: Any, start: Callable[[Any], None]) -> set[Any]:
+        """Start what goes on in a window. Without one, :meth:`act` runs, which says what a script does instead."""
+        if bpy.app.background:
+            return self.execute(context)
+        self.begin(context)
+        return {"RUNNING_MODAL"} if self.done(lambda: start(context)) else {"CANCELLED"}
+
     def done(self, step: Callable[[], None]) -> bool:
         """Run a step. If it fails, report why in one sentence and return False."""
         try:

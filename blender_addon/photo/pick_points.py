@@ -367,10 +367,7 @@ class MPS_OT_pick_points(ReportingOperator, bpy.types.Operator):
         if picking():
             _running[0].leave()
             return {"FINISHED"}
-        if bpy.app.background:
-            return self.execute(context)
-        self.begin(context)
-        return {"RUNNING_MODAL"} if self.done(lambda: self._start(context)) else {"CANCELLED"}
+        return self.start_modal(context, self._start)
 
     def _start(self, context: Any) -> None:
         window, photo = context.window, context.scene.mps.photo.image
