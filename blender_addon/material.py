@@ -125,10 +125,8 @@ class MPS_OT_make_material(RunsCore, MaterialSettings, bpy.types.Operator):
             subdivide(plane, "SIMPLE", _SHOWN_LEVELS, _RENDERED_LEVELS, FACES)
         settings.image = preview = load_image(files["preview"], f"{name} preview", is_data=False)
         self.made(preview)
-        settings.summary = (
-            f"{made['width_mm']:.4g} x {made['height_mm']:.4g} mm, {result['relief_mm']:.3g} mm deep. "
-            f"Seam {result['seam']:.2f}, where 1 is none"
-        )
+        words = "%.4g x %.4g mm, %.3g mm deep. Seam %.2f, where 1 is none"
+        settings.summary = Note(words, made["width_mm"], made["height_mm"], result["relief_mm"], result["seam"])
         self.tell(f"Material written to {self._output}: {settings.summary}")
 
 

@@ -12,7 +12,7 @@ import bpy
 
 from .manual import operators
 from .preferences import PACKAGE
-from .settings.messages import OWN_SENSE
+from .settings.messages import OWN_SENSE, store_sentences
 
 LOCALE = Path(__file__).parent / "locale"
 
@@ -51,6 +51,7 @@ def register() -> None:
     tables = {}
     for language in {path.stem for path in LOCALE.glob("*.[mp]o")}:
         found = messages(language)
+        store_sentences(language, found)
         found |= {tip: found[line] for tip, line in tips.items() if line in found}
         tables[language] = {(context, english): word for context in _CONTEXTS for english, word in found.items()}
     bpy.app.translations.register(PACKAGE, tables)

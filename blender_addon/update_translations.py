@@ -18,13 +18,14 @@ from babel.messages.pofile import read_po, write_po
 
 import blender_addon
 import mpsnet_core
+from blender_addon.bake.before_after import PARTS
 from blender_addon.manual import groups, operators, shown
-from blender_addon.panels.lights import NO_RIG
 from blender_addon.panels.models import NAMES as NAMES_OF_MODELS
 from blender_addon.panels.step import Kind
 from blender_addon.panels.traffic_light import LIGHTS
 from blender_addon.photo.find_lights import CHANNEL, UNEXPLAINED
 from blender_addon.rig.light_rig import COLOURS
+from blender_addon.settings.messages import in_blender
 from blender_addon.translations import LOCALE, one_line
 from mpsnet_core.capture.photo_check import ITEMS
 from mpsnet_core.estimate.lights.find import SIDES
@@ -41,12 +42,19 @@ _WIDTH = 120
 _IN_VARIABLES = {
     *(*NAMES_OF_MODELS.values(), CHANNEL, UNEXPLAINED, *COLOURS, "Slant", "Tilt"),
     *(kind.word for kind in Kind),
-    *(NO_RIG, *(word for word, _ in LIGHTS.values())),
+    *(word for word, _ in LIGHTS.values()),
+    *(*PARTS, "Faces"),
     # Values of notes.
     *(*CHANNELS, *SIDES, *TURN_WORDS, *WORDS, *ITEMS),
 }
 # Placeholders and codes.
+_OPTION = re.compile(r"(?<!\S)--[a-z%]")
 _NO_WORDS = re.compile(r"%[-.\d]*[a-z]|\[[a-z-]+\]")
+# Functions and types that are given a sentence, and among how many of their first arguments it is.
+_SAID = {
+    **dict.fromkeys(("Note", "NoObject", "Lights", "tell", "poll_message_set", "prefix_errors", "warn", "_lights"), 1),
+    **{"progress": 3, "wrapped": 2, "part": 4, "_run_progress": 1, "_one_of": 6},
+}
 _LOGS = {f"log.{level}" for level in ("info", "warning", "error")}
 
 
@@ -76,34 +84,53 @@ def drawn(file: Path) -> Iterator[str]:
                 yield from (one.value for one in either if isinstance(one, ast.Constant) and isinstance(one.value, str))
 
 
-def noted(file: Path) -> Iterator[str]:
-    """The templates of a file's notes: what it logs, if it is the core's, and what it makes notes of."""
-    tree = ast.parse(file.read_text(encoding="utf-8"))
+def said(file: Path) -> Iterator[str]:
+    """The sentences of a file with placeholders for values: errors, notes, progress, and what a step lacks.
+
+    What the core logs becomes notes.
+    """
+    tree, own = ast.parse(file.read_text(encoding="utf-8")), HERE in file.parents
     assigned = [one for one in ast.walk(tree) if isinstance(one, ast.Assign | ast.AugAssign)]
 
-    def texts(said: ast.expr) -> list[str]:
-        if isinstance(said, ast.Constant):
-            return [said.value] if isinstance(said.value, str) else []
-        if isinstance(said, ast.IfExp):
-            return texts(said.body) + texts(said.orelse)
-        if isinstance(said, ast.BinOp):
-            return [begin + end for begin in texts(said.left) for end in texts(said.right)]
-        if not isinstance(said, ast.Name):
+    def texts(words: ast.expr) -> list[str]:
+        if isinstance(words, ast.Constant):
+            return [words.value] if isinstance(words.value, str) else []
+        if isinstance(words, ast.JoinedStr):
+            parts = [
+                str(one.value).replace("%", "%%") if isinstance(one, ast.Constant) else "%s" for one in words.values
+            ]
+            return ["".join(parts)]
+        if isinstance(words, ast.IfExp):
+            return texts(words.body) + texts(words.orelse)
+        if isinstance(words, ast.BoolOp):
+            return [text for one in words.values for text in texts(one)]
+        if isinstance(words, ast.BinOp):
+            return [begin + end for begin in texts(words.left) for end in texts(words.right)]
+        if not isinstance(words, ast.Name):
             return []
         found = [""]
         for one in sorted(assigned, key=lambda one: one.lineno):  # the last one before it, and what is added to that
             target = one.targets[0] if isinstance(one, ast.Assign) else one.target
-            if isinstance(target, ast.Name) and target.id == said.id and one.lineno < said.lineno:
+            if isinstance(target, ast.Name) and target.id == words.id and one.lineno < words.lineno:
                 begun = [""] if isinstance(one, ast.Assign) else found
                 found = [begin + end for begin in begun for end in texts(one.value)]
         return [text for text in found if text]
 
-    for call in ast.walk(tree):
-        if isinstance(call, ast.Call) and call.args:
-            name = call.func.id if isinstance(call.func, ast.Name) else ""
-            logs = isinstance(call.func, ast.Attribute) and ast.unparse(call.func) in _LOGS and HERE not in file.parents
-            if name == "Note" or logs:
-                yield from texts(call.args[0])
+    for one in ast.walk(tree):
+        if isinstance(one, ast.Call) and one.args:
+            called = one.func.id if isinstance(one.func, ast.Name) else getattr(one.func, "attr", "")
+            logs = ast.unparse(one.func) in _LOGS and not own
+            if called in _SAID or called.endswith("Error") or logs:
+                yield from (text for given in one.args[: _SAID.get(called, 1)] for text in texts(given))
+        elif isinstance(one, ast.FunctionDef) and "lacks" in one.name:
+            answers = [inner.value for inner in ast.walk(one) if isinstance(inner, ast.Return)]
+            yield from (text for answer in answers if answer is not None for text in texts(answer))
+        elif isinstance(one, ast.FunctionDef) and one.name == "provenance":
+            parts = [part for inner in ast.walk(one) if isinstance(inner, ast.Dict) for part in inner.keys]
+            yield from (text for part in parts if part is not None for text in texts(part))
+    # Sentences that several functions share.
+    shared = (text for one in tree.body * own if isinstance(one, ast.Assign) for text in texts(one.value))
+    yield from (text for text in shared if text.count(" ") > 3 and text.isprintable())
 
 
 def template() -> Catalog:
@@ -111,11 +138,15 @@ def template() -> Catalog:
     found = {*described(), *_IN_VARIABLES}
     for file in (*HERE.glob("panels/*.py"), HERE / "preferences.py"):
         found |= set(drawn(file))
-    for file in (*HERE.rglob("*.py"), *(file for room in _ROOMS for file in (CORE / room).rglob("*.py"))):
-        found |= set(noted(file))
+    # What is not for the command line.
+    elsewhere = {"build_extension", "commands", "update_translations"}
+    own = [file for file in HERE.rglob("*.py") if file.stem not in elsewhere]
+    for file in (*own, *(file for room in _ROOMS for file in (CORE / room).rglob("*.py"))):
+        found |= set(said(file))
     catalog = Catalog()
     for text in sorted(found):
-        if any(map(str.isalpha, _NO_WORDS.sub("", text))):
+        # Options that are not the panel's are of messages that Blender does not show.
+        if any(map(str.isalpha, _NO_WORDS.sub("", text))) and not _OPTION.search(in_blender(text)):
             catalog.add(text)
     return catalog
 

@@ -5,7 +5,7 @@ from typing import Any
 
 import bpy
 
-from mpsnet_core.errors import Cancelled, InputError
+from mpsnet_core.errors import Cancelled, InputError, Note
 
 from ..errors import operator_report
 from ..settings.record import error_of, result_of
@@ -25,7 +25,7 @@ class RunsSteps(ReportingOperator):
     """
 
     bl_options = {"UNDO"}
-    first_message = "starting"
+    first_message = Note("starting")
     drawn: Callable[[], None]  # draws over the viewports meanwhile; a static method
     _called = ""  # the operator whose result is awaited
 

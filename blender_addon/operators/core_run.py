@@ -17,6 +17,7 @@ from ..child_process.core_process import CORE, CoreProcess, Program, Work, run
 from ..outputs import is_permanent
 from ..provenance import refuse_to_overwrite
 from ..scene.mesh_file import Slices
+from ..settings.messages import in_blender
 from .progress import Pace, cursor_progress, redraw_panels, time_left_text
 from .reporting import ReportingOperator, verb_of
 
@@ -258,7 +259,7 @@ class RunsCore(ReportingOperator):
 
     def _show(self, context: Any) -> None:
         shown, job, process = context.window_manager.mps, self._job, self._job.process
-        progress, message = (process.progress, process.message) if process else (0.0, "starting")
+        progress, message = (process.progress, process.message) if process else (0.0, Note("starting"))
         progress, message = (job.finished + progress) / (job.finished + len(job.runs)), f"{self._whose}{message}"
         left = time_left_text(job.pace.left(time.monotonic(), progress))
         if (shown.progress, shown.message, shown.left) != (progress, message, left):
@@ -292,7 +293,7 @@ def _close(slices: list[Slices]) -> None:
 def idle(cls: Any, context: Any) -> bool:
     """The poll of operators that run the core: only one at a time."""
     if context.window_manager.mps.running:
-        cls.poll_message_set("Wait for the running work, or cancel it")
+        cls.poll_message_set(in_blender("Wait for the running work, or cancel it"))
         return False
     return True
 

@@ -7,6 +7,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any
 
+from mpsnet_core.errors import Note
 from mpsnet_core.progress import Progress
 
 LOG_SECONDS = 10.0
@@ -87,9 +88,9 @@ def time_left_text(seconds: float | None) -> str:
     if seconds is None:
         return ""
     if seconds <= 55:
-        return f"{max(5, 5 * round(seconds / 5))} s left"
+        return Note("%d s left", max(5, 5 * round(seconds / 5)))
     minutes = max(1, round(seconds / 60))
     if minutes < 60:
-        return f"{minutes} min left"
+        return Note("%d min left", minutes)
     hours, minutes = divmod(10 * round(minutes / 10), 60)
-    return f"{hours} h {minutes} min left" if minutes else f"{hours} h left"
+    return Note("%d h %d min left", hours, minutes) if minutes else Note("%d h left", hours)

@@ -81,7 +81,7 @@ class ReportingOperator(bpy.types.Operator):
     def poll(cls, context: Any) -> bool:
         obstacle = cls.lacks(context)
         if obstacle:
-            cls.poll_message_set(obstacle)
+            cls.poll_message_set(in_blender(obstacle))
         return not obstacle
 
     def act(self, context: Any) -> None:

@@ -2,6 +2,7 @@
 
 from typing import Any
 
+from mpsnet_core.errors import Note
 from mpsnet_core.estimate.registry import STILL_PASSES
 
 from ..settings.estimate import MODELS
@@ -29,7 +30,7 @@ class MPS_PT_estimate(Step):
             lines = self.layout.column(align=True)
             lines.scale_y = 0.9
             wrapped(lines, f"Lights: {lights_of(scene).words}")
-            wrapped(lines, f"Camera: {camera_of(scene) or 'far away, no lens known'}")
+            wrapped(lines, Note("Camera: %s", camera_of(scene) or Note("far away, no lens known")))
         self.progress_or(context, "estimate", "NORMALS_FACE")
         self.picture(estimate.image)
         if estimate.albedo_image:

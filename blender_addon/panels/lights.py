@@ -2,8 +2,6 @@
 
 from typing import Any
 
-from bpy.app.translations import pgettext_iface as iface
-
 from mpsnet_core.errors import Note
 from mpsnet_core.scene.rig import LightRig
 
@@ -42,7 +40,7 @@ class MPS_PT_lights(Step):
         doubts = [Note(text, level="look") for text in (lights.lacks, lights.doubt) if text]
         self.told(context, "lights", doubts)
         if lights.error is not None:
-            wrapped(self.layout, iface(NO_RIG), icon="INFO")
+            wrapped(self.layout, NO_RIG, icon="INFO")
         if lights.rig is not None:
             light_table(self.layout, lights.rig)
 

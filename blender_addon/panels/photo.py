@@ -4,7 +4,7 @@ from typing import Any
 
 import bpy
 
-from mpsnet_core.errors import InputError
+from mpsnet_core.errors import InputError, Note
 from mpsnet_core.estimate.alignment.points import MIN_PAIRS
 
 from ..child_process.trust import SCRIPTS_OFF
@@ -14,6 +14,7 @@ from ..provenance import made_by
 from ..rig.light_rig import last_evaluated_rig, rig_camera
 from ..rig.rig_picture import rig_icon
 from ..scene.camera import scene_camera
+from ..settings.messages import in_blender
 from ..settings.record import notes_of
 from .photo_inputs import NEEDED_FILE, lacks_file, lacks_mask, lights_of
 from .step import Step, target_name
@@ -101,7 +102,8 @@ def note_of_step(scene: Any) -> str:
     """A sentence if all frames will be rendered although the scene has a frame step; otherwise ""."""
     if not scene.mps.photo.animation or scene.frame_step == 1:
         return ""
-    return f"All frames are rendered. The scene's frame step of {scene.frame_step} would leave gaps in the texture"
+    words = "All frames are rendered. The scene's frame step of %d would leave gaps in the texture"
+    return Note(words, scene.frame_step)
 
 
 class MPS_PT_align(Step):
@@ -142,7 +144,7 @@ class MPS_PT_align(Step):
         row.prop(align, "start")
         for number, pair in enumerate(photo.pairs):
             row = self.layout.row()
-            off = f"{pair.residual:.1f} px off" if pair.residual >= 0 else ""
+            off = in_blender(Note("%.1f px off", pair.residual)) if pair.residual >= 0 else ""
             row.label(text=f"{number + 1}:  {pair.pixel[0]:.0f}, {pair.pixel[1]:.0f}  {off}")
             row.operator("mps.remove_align_point", text="", icon="X", emboss=False).index = number
         self.layout.operator("mps.pick_points", icon="CURSOR", depress=picking())

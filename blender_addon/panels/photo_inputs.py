@@ -12,7 +12,7 @@ from typing import Any
 import bpy
 import numpy as np
 
-from mpsnet_core.errors import InputError
+from mpsnet_core.errors import InputError, Note
 from mpsnet_core.io.frames import is_folder_or_pattern
 from mpsnet_core.scene.rig import LightRig, read_rig
 
@@ -91,18 +91,18 @@ def _rig_in(path: Path, second: int) -> LightRig:
 def camera_of(scene: Any) -> str:
     """The camera that applies to the scene's photo, in words; "" if it is unknown, and a distant one is assumed."""
     photo, lens = scene.mps.photo.image, scene.mps.estimate.lens
-    entered = f"lens {lens:g} mm" if lens else ""
+    entered = Note("lens %g mm", lens) if lens else ""
     camera = chosen_camera(scene, photo) if photo is not None else None
     if camera is not None:
         known = photo.mps
-        fit = f", {known.outline_pixels:.1f} px" if known.outline_pixels >= 0 else ""
-        where = f"aligned{fit}" if known.fit else camera.name
-        return f"{where}, {entered}" if entered else where
+        fit = Note("aligned, %.1f px", known.outline_pixels) if known.outline_pixels >= 0 else Note("aligned")
+        where = fit if known.fit else camera.name
+        return Note("%s, %s", where, entered) if entered else where
     if entered:
         return entered
     if photo is not None and remembered(photo, "camera") is not None:
-        return "the camera file beside the photo" if is_real(photo) else "as the photo was rendered"
-    return "the virtual rig's" if scene.mps.rig.lights else ""
+        return Note("the camera file beside the photo") if is_real(photo) else Note("as the photo was rendered")
+    return Note("the virtual rig's") if scene.mps.rig.lights else ""
 
 
 def lacks_of_estimate(scene: Any) -> str:

@@ -13,7 +13,6 @@ from .lights import light_table
 from .photo_inputs import Lights, lights_of, virtual_rig
 from .step import Kind, State, Step
 from .text import across_sidebar, wrapped
-from .traffic_light import sentence
 
 # Types of objects that can have a surface.
 _SURFACES = {*SURFACES, "EMPTY"}
@@ -53,7 +52,7 @@ class MPS_PT_rig(Step):
         self.column(rig, "light_type", "slant", "tilt", "view")
         self.progress_or(context, "add_rig", "LIGHT", text="Replace Rig" if rig.lights else "Add Rig")
         if rig.lights and (error := _standing_lights(scene).lacks):
-            wrapped(self.layout, sentence(error), icon="ERROR")
+            wrapped(self.layout, error, icon="ERROR")
         if rig.lights:
             self._light_preview(context.scene)
 
@@ -64,7 +63,7 @@ class MPS_PT_rig(Step):
         if preview is None:
             return
         if preview.error:
-            wrapped(self.layout, sentence(preview.error), icon="ERROR")
+            wrapped(self.layout, preview.error, icon="ERROR")
         row = self.layout.row()
         for icon in preview.icons.values():
             row.template_icon(icon_value=icon.icon_id, scale=across_sidebar() / 2)
@@ -94,7 +93,7 @@ class MPS_PT_rig_placement(Step):
         if rig.lights:
             lights = _standing_lights(context.scene)
             if lights.rig is not None:
-                self.layout.label(text=f"Lights: {lights.words}")
+                wrapped(self.layout, f"Lights: {lights.words}")
                 light_table(self.layout, lights.rig)
             self.column().prop(rig, "camera", text="Taken By")
             row = self.layout.row(align=True)

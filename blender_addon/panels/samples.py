@@ -6,6 +6,7 @@ from ..outputs import is_permanent
 from ..preferences import preference
 from ..training.training_data import samples_folder, samples_status
 from .step import Step
+from .text import wrapped
 
 
 class MPS_PT_samples(Step):
@@ -28,9 +29,9 @@ class MPS_PT_samples(Step):
         names = ("output", "processes")
         column = self.column(samples, *names, output="Automatic" if is_permanent(target) else "Name one")
         if address := preference("cluster"):
-            column.label(text=f"On {address}, see the preferences")
+            wrapped(column, f"On {address}, see the preferences")
         self.progress_or(context, "render_samples", "RENDER_ANIMATION")
         found = samples_status(target)
         if found and not context.window_manager.mps.running:
-            self.layout.label(text=f"{found} in this folder")
+            wrapped(self.layout, f"{found} in this folder")
         self.picture(samples.image)

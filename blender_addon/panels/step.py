@@ -22,9 +22,10 @@ from ..outputs import is_safe_to_open
 from ..provenance import cached_file_sizes, changed_since, made_by, made_when
 from ..rig.several_rigs import OnEachRig
 from ..scene.objects import target_of
+from ..settings.messages import in_blender
 from ..settings.record import all_notes, error_of, notes_of
-from .text import across_sidebar, fitted, wrapped
-from .traffic_light import sentence, traffic_light
+from .text import across_sidebar, fitted, sentence, wrapped
+from .traffic_light import traffic_light
 
 FOLDED = True  # whether the notes of steps are folded at first
 
@@ -159,7 +160,7 @@ class Step(bpy.types.Panel):
             own = bool(self.verbs) and self.verb(context) == verb
             lacking = lacks or (self.lacks(context) if own else _operator(verb).lacks(context))
         if lacking and not error_of(scene, verb):  # the error below says so
-            wrapped(self.layout, sentence(lacking), icon="INFO")
+            wrapped(self.layout, lacking, icon="INFO")
         row = self.layout.row(align=True)
         row.scale_y = 1.3
         row.active = not lacking
@@ -193,11 +194,11 @@ class Step(bpy.types.Panel):
             return False
         row = self.layout.row(align=True)
         row.scale_y = 1.3
-        row.progress(factor=job.progress, text=f"{job.progress:.0%}  {job.left}".strip())
+        row.progress(factor=job.progress, text=f"{job.progress:.0%}  {in_blender(job.left)}".strip())
         row.operator("mps.cancel", text="", icon="X")
         part = verb_of(job.running) if verb == verb_of(job.chain) else verb
         label = f"{_operator(part).bl_label}: " if part not in ("", verb) else ""
-        wrapped(self.layout, sentence(f"{label}{job.message}"))
+        wrapped(self.layout, f"{label}{job.message}")
         return True
 
     def failure(self, scene: Any, verb: str) -> None:
@@ -211,7 +212,7 @@ class Step(bpy.types.Panel):
         failed.alert = True
         failed.label(text="Failed", icon="ERROR")
         row.operator("mps.dismiss", text="", icon="X", emboss=False).verb = verb
-        wrapped(box, sentence(error))
+        wrapped(box, error)
 
     def picture(self, image: Any) -> None:
         """Show an image that a step made, as wide as the sidebar: whether it is out of date, its time and its file.
@@ -223,7 +224,8 @@ class Step(bpy.types.Panel):
         with cached_file_sizes():
             changed = _changed(bpy.context, image)
         if changed:
-            wrapped(self.layout, f"Out of date. Changed since: {', '.join(changed)}", icon="FILE_REFRESH")
+            names = ", ".join(map(in_blender, changed))
+            wrapped(self.layout, f"Out of date. Changed since: {names}", icon="FILE_REFRESH")
         path = origin(image)
         row, body = self.layout.panel_prop(image.mps, "shown")
         if body:

@@ -8,6 +8,8 @@ import bpy
 
 from mpsnet_core.errors import LONGEST, in_one_line
 
+from ..settings.messages import in_blender
+
 # Width around a label's text, in Blender's widget units (20 pixels at scale 1): margins of the panel, a box and the
 # label, and the tabs at the region's edge.
 _BESIDE = 3.2
@@ -17,13 +19,16 @@ _WIDGET = 20.0
 _POPUP = 24.0
 
 
-def wrapped(layout: Any, sentence: str, icon: str = "NONE") -> None:
-    """Show a sentence wrapped over several labels: Blender cuts off a label at the panel's edge.
+def sentence(text: str) -> str:
+    """A message as a sentence of the panel."""
+    text = in_blender(text)
+    return text[:1].upper() + text[1:]
 
-    It stays in English, also a line that is a single word of Blender's tables.
-    """
+
+def wrapped(layout: Any, text: str, icon: str = "NONE") -> None:
+    """Show a sentence wrapped over several labels: Blender cuts off a label at the panel's edge."""
     column = layout.column(align=True)
-    for number, line in enumerate(lines(sentence, available(with_icon=icon != "NONE"), text_width)):
+    for number, line in enumerate(lines(sentence(text), available(with_icon=icon != "NONE"), text_width)):
         column.label(text=line, translate=False, icon="BLANK1" if number and icon != "NONE" else icon)
 
 

@@ -14,8 +14,8 @@ from mpsnet_core.errors import NOTE_LEVELS, Note
 
 from ..manual import explanation
 from ..settings.declared import option_of_setting
-from ..settings.messages import in_blender, options_in
-from .text import across_popup, text_width, wrapped
+from ..settings.messages import options_in
+from .text import across_popup, sentence, text_width, wrapped
 from .text import lines as broken
 
 # The word and the icon of each level.
@@ -63,12 +63,6 @@ def _fields(note: Note, groups: Sequence[Any]) -> Iterable[tuple[Any, str]]:
     for option in (*options_in(note), *_MENDED_BY.get(note.code, ())):
         places = ((group, option_of_setting(group, option)) for group in groups)
         yield from [(group, setting) for group, setting in places if setting][:1]
-
-
-def sentence(text: str) -> str:
-    """A message as a sentence of the panel."""
-    text = in_blender(text)
-    return text[:1].upper() + text[1:]
 
 
 class MPS_OT_read_notes(bpy.types.Operator):

@@ -10,7 +10,7 @@ import bpy
 import numpy as np
 from mathutils import Matrix, Vector
 
-from mpsnet_core.errors import InputError
+from mpsnet_core.errors import InputError, Note
 from mpsnet_core.estimate.alignment.points import MIN_PAIRS
 
 from ..images import picture_size
@@ -18,6 +18,7 @@ from ..operators.progress import redraw_panels
 from ..operators.reporting import ReportingOperator
 from ..operators.show_image import image_editor
 from ..scene.camera import scene_camera
+from ..settings.messages import in_blender
 from .align import MPS_OT_align_photo, mesh_of_photo
 from .camera import chosen_camera, take_pairs_along
 from .markers import OPEN, colour_of, draw_line, draw_marker, draw_text
@@ -26,6 +27,7 @@ from .places import Place, mesh_point, photo_pixel, photo_place, seen_at
 # In pixels at UI scale 1: distance at which the mouse grabs a marker, and width of the column of the viewport's own
 # gizmos at the right, which stay usable.
 _GRAB, _BUTTONS = 12.0, 110.0
+_KEYS = "Drag: move.  X: delete.  Backspace: take the last back.  Esc: end"
 _HIDDEN = 0.3  # alpha of a marker whose point the mesh occludes
 # How long the points are left alone before the photo is aligned by them.
 _REST_SECONDS = 0.7
@@ -124,7 +126,7 @@ class _Picking:
             return True
         found = spot.found(context)
         if found is None:
-            self.hint = f"No {'photo' if spot.side == 'pixel' else 'mesh'} there"
+            self.hint = Note("No photo there" if spot.side == "pixel" else "No mesh there")
             return not spot.among_buttons(context)
         self.hint = ""
         self.half[spot.side] = found
@@ -169,11 +171,11 @@ class _Picking:
     def message(self, context: Any) -> str:
         """A sentence on what to do next."""
         number = len(_pairs(context)) + 1
-        next_is = "click in the photo, then on the mesh"
+        next_is = Note("click in the photo, then on the mesh")
         if self.half:
-            next_is = f"the same place {'on the mesh' if 'pixel' in self.half else 'in the photo'}"
-        hint = f"{self.hint}. " if self.hint else ""
-        return f"{hint}Pair {number}: {next_is}"
+            next_is = Note("the same place on the mesh" if "pixel" in self.half else "the same place in the photo")
+        hint = f"{in_blender(self.hint)}. " if self.hint else ""
+        return f"{hint}{in_blender(Note('Pair %d: %s', number, next_is))}"
 
     def show(self, context: Any) -> None:
         """Redraw if something has changed, by whatever means."""
@@ -182,8 +184,7 @@ class _Picking:
         if self.shown == (pairs, dict(self.half), text):
             return
         self.shown = pairs, dict(self.half), text
-        keys = "Drag: move.  X: delete.  Backspace: take the last back.  Esc: end"
-        context.workspace.status_text_set(f"{text}.    {keys}")
+        context.workspace.status_text_set(f"{text}.    {in_blender(_KEYS)}")
         _redraw(self.window)
 
     # Drawing.

@@ -17,6 +17,7 @@ from ..operators.reporting import ReportingOperator
 from ..scene.objects import refuse_linked_scene, refuse_unselectable
 from ..scene.surfaces import sphere_around, surface_points
 from ..settings.declared import apply_given_settings
+from ..settings.messages import in_blender
 from ..settings.rig import RigSettings
 from .light_rig import COLOURS, area_power
 
@@ -46,12 +47,12 @@ class MPS_OT_add_rig(ReportingOperator, RigSettings, bpy.types.Operator):
     def poll(cls, context: Any) -> bool:
         active = context.view_layer.objects.active
         if active is not None and active.mode != "OBJECT":
-            cls.poll_message_set("Switch to Object Mode first")
+            cls.poll_message_set(in_blender("Switch to Object Mode first"))
             return False
         try:
             _selected(context)
         except InputError as error:
-            cls.poll_message_set(str(error))
+            cls.poll_message_set(in_blender(str(error)))
             return False
         return True
 
@@ -70,7 +71,7 @@ class MPS_OT_remove_rig(bpy.types.Operator):
     @classmethod
     def poll(cls, context: Any) -> bool:
         if context.scene.mps.rig.target is None:
-            cls.poll_message_set("There is no rig in this scene")
+            cls.poll_message_set(in_blender("There is no rig in this scene"))
             return False
         return True
 

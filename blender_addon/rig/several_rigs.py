@@ -22,6 +22,7 @@ from ..outputs import requested_folder, unique_name
 from ..scene.objects import by_session_uid
 from ..scene.surfaces import bounding_sphere
 from ..settings.declared import OF_ONE_RUN, BoolSetting, FloatSetting, IntSetting, setting_names
+from ..settings.messages import in_blender
 from ..settings.scene import STEPS
 from .rig import MPS_OT_add_rig, add_rig, remove_rig
 
@@ -103,7 +104,7 @@ class MPS_OT_drop_rig(_OnRigs):
     def poll(cls, context: Any) -> bool:
         if len(context.scene.mps.rigs) < 2:
             number = "only one" if context.scene.mps.rig.target else "no"
-            cls.poll_message_set(f"There is {number} rig in this scene")
+            cls.poll_message_set(in_blender(f"There is {number} rig in this scene"))
             return False
         return super().poll(context)
 

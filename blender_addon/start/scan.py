@@ -44,7 +44,7 @@ class MPS_OT_scan(RunsSteps, bpy.types.Operator):
     bl_idname = "mps.scan"
     bl_label = "Scan"
     drawn = staticmethod(draw_results)
-    first_message = "looking at the mesh"
+    first_message = Note("looking at the mesh")
 
     photo: FileSetting("Photo", "Photo of the object to open first. Empty: the one that is open")
     white: FileSetting("White Photo", "The same pose under white light, which shows the colours. Empty: the panel's")

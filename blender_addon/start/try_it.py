@@ -9,7 +9,7 @@ import bpy
 from bpy.props import IntProperty
 from mathutils import Euler, Quaternion, Vector
 
-from mpsnet_core.errors import Cancelled
+from mpsnet_core.errors import Cancelled, Note
 from mpsnet_core.io.files import ensure_folder
 
 from ..bake.before_after import draw_results
@@ -35,7 +35,7 @@ class MPS_OT_try_it(RunsSteps, bpy.types.Operator):
     bl_idname = "mps.try_it"
     bl_label = "Try It"
     drawn = staticmethod(draw_results)
-    first_message = "making an object"
+    first_message = Note("making an object")
 
     pixels: IntProperty(
         name="Photo Size", description="Width and height of the demo's photo in pixels", default=400, min=32, max=4096

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from mpsnet_core.arrays.polygon_triangulation import strip_triangles
 from mpsnet_core.arrays.types import F64, I64
 from mpsnet_core.arrays.unit_vectors import quaternion_matrix
-from mpsnet_core.errors import FormatError, InputError
+from mpsnet_core.errors import FormatError, InputError, Note
 from mpsnet_core.io.npz import unpacked_limit
 from mpsnet_core.io.opening import DAMAGED
 
@@ -111,7 +111,7 @@ class _Document:
                 self.warn("it says that %s is needed to read it, which is not known; the mesh may differ", name[:99])
 
     def warn(self, sentence: str, *words: object) -> None:
-        log.warning(f"mesh file %s: {sentence}", self.path, *words)
+        log.warning("mesh file %s: %s", self.path, Note(sentence, *words))
 
     def parts(self) -> list[Part]:
         places = self.places()

@@ -12,18 +12,45 @@ from blender_addon.panels.photo import MPS_PT_align, MPS_PT_photo
 from blender_addon.panels.step import Kind
 from blender_addon.panels.traffic_light import worst
 from blender_addon.settings.declared import option_of_setting
-from blender_addon.settings.messages import in_blender, options_in
+from blender_addon.settings.messages import in_blender, options_in, recognised, store_sentences
 from blender_addon.settings.record import all_notes, notes_of, store_record
 from blender_addon.translations import messages
 from mpsnet_core.errors import Note
 
-PLACEHOLDER = re.compile(r"%[-.\d]*[a-z]|%%")
+PLACEHOLDER = re.compile(r"%[-+.\d]*[a-z]|%%")
 
 
 def test_every_template_has_the_same_placeholders_in_german():
     pytest.importorskip("babel")
     for english, word in messages("de_DE").items():
         assert PLACEHOLDER.findall(english) == PLACEHOLDER.findall(word), english
+
+
+def test_every_sentence_is_known_by_its_words_whatever_values_are_in_it(scene):
+    pytest.importorskip("babel")
+    catalog = messages("de_DE")
+    store_sentences("de_DE", catalog)
+    assert len(catalog) > 1500
+    for english, word in catalog.items():
+        if " " in english:
+            values = tuple(f"{number}.x" for number in range(len(re.findall(r"%[-+.\d]*[a-z]", english))))
+            said, meant = (re.sub(r"%[-+.\d]*[a-z]", "%s", one) % values if values else one for one in (english, word))
+            found = recognised(said, "de_DE")
+            assert found[:1].lower() + found[1:] == meant[:1].lower() + meant[1:], english
+
+
+def test_a_sentence_within_another_is_translated_and_what_is_unknown_stays(scene):
+    pytest.importorskip("babel")
+    store_sentences("de_DE", messages("de_DE"))
+    assert recognised("Rig 2: starting", "de_DE") == "Rig 2: beginnt"
+    assert recognised("reading the mesh", "de_DE") == "Lesen des Meshs"
+    inner = "cannot write a.png: the folder b cannot be written to; choose another folder"
+    assert recognised(f"Rig 2: {inner}", "de_DE").startswith("Rig 2: a.png lässt sich nicht schreiben")
+    named = recognised('there is no object "photo" in the scene; check its name', "de_DE")
+    assert "„photo“" in named and "Szene" in named
+    for unknown in ("line of sight: none", "view the whole scene", "a.png", "", ": ", "it is not known to anybody"):
+        assert recognised(unknown, "de_DE") == unknown
+    assert recognised("reading the mesh", "xx_XX") == "reading the mesh"
 
 
 def test_options_are_labels_in_the_sentence_and_fields_below_it(scene):

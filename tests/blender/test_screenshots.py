@@ -1,5 +1,5 @@
 """Every state of every step of the panel, photographed in a real window in the dark theme; those of a new scene also
-twice as large in the light one.
+twice as large in the light one, and in German.
 
 Twice as large, a line has twice the room: what a state adds fits as it does at the usual size.
 
@@ -23,7 +23,11 @@ bpy.ops.script.execute_preset(
     menu_idname="USERPREF_MT_interface_theme_presets", filepath=os.path.join(folder, "Blender_{}.xml")
 )
 """
-THEMES = {1: "Dark", 2: "Light"}  # by the scale
+IN_GERMAN = """
+view = bpy.context.preferences.view
+view.language, view.use_translate_interface, view.use_translate_tooltips = "de_DE", True, True
+"""
+LOOKS = {"1x": (1, "Dark"), "2x": (2, "Light"), "german": (1, "Light")}  # the scale and the theme
 # What is beside the panel costs most of a redraw, and no picture shows it.
 PLAIN = """
 space = next(area for area in bpy.context.screen.areas if area.type == "VIEW_3D").spaces.active
@@ -73,13 +77,17 @@ class Photographer:
 
     window: Window
     folder: Path
-    scale: int
+    look: str
     ellipsis: "Ellipsis" = field(init=False)
     faults: list[str] = field(default_factory=list)
+    scale: int = 1
     still: list[str] = field(default_factory=list)  # panels that do not scroll
 
     def __post_init__(self) -> None:
-        self.window.ask("run", THEME.format(THEMES[self.scale]))
+        self.scale, theme = LOOKS[self.look]
+        self.window.ask("run", THEME.format(theme))
+        if self.look == "german":
+            self.window.ask("run", IN_GERMAN)
         self.window.ask("run", f"bpy.context.preferences.view.ui_scale = {self.scale}")
         self.window.ask("run", PLAIN)
         self.window.input("sleep", "1")
@@ -94,7 +102,7 @@ class Photographer:
         for step in steps or STEPS:
             self.window.ask("alone", *STEPS[step])
             self.window.input("mousemove", 20, 980, "sleep", SETTLE)
-            self._photograph(f"{self.scale}x_{state}_{step}")
+            self._photograph(f"{self.look}_{state}_{step}")
 
     def _photograph(self, name: str) -> None:
         picture = self._look(f"{name}.png")
@@ -190,10 +198,10 @@ def check_cut_off_text_is_seen(window: Window, ellipsis: Ellipsis) -> None:
         window.ask("run", "bpy.utils.unregister_class(bpy.types.MPS_PT_probe)")
 
 
-@pytest.mark.parametrize("scale", THEMES)
-def test_every_state_of_every_step(unfolded, album, tmp_path, scale):
+@pytest.mark.parametrize("look", LOOKS)
+def test_every_state_of_every_step(unfolded, album, tmp_path, look):
     window = unfolded
-    photographer = Photographer(window, album, scale)
+    photographer = Photographer(window, album, look)
     check_cut_off_text_is_seen(window, photographer.ellipsis)
 
     def run(code: str) -> None:
@@ -209,7 +217,7 @@ def test_every_state_of_every_step(unfolded, album, tmp_path, scale):
     photographer.photograph("to_do")
     run("bpy.context.scene.mps.way = 'RENDER'")
     photographer.photograph("to_do_render", "rig", "photo")
-    if scale == 2 and not os.environ.get("MPSNET_SCREENSHOTS"):  # the other pictures are for people to look at
+    if look != "1x" and not os.environ.get("MPSNET_SCREENSHOTS"):  # the other pictures are for people to look at
         photographer.judge()
         return
     run("bpy.data.objects['Camera'].select_set(True)")  # around which no rig can stand

@@ -57,7 +57,7 @@ def estimate_with_albedo_removed(network: OnnxModel, photo: Capture, grey: Captu
 
 def _run_progress(name: str, progress: Progress, start: float, end: float) -> Progress:
     """Progress of one run of the network, which prefixes messages with the run's name."""
-    return part(lambda fraction, message: progress(fraction, f"{name}, {message}"), start, end)
+    return part(lambda fraction, message: progress(fraction, f"{name}: {message}"), start, end)
 
 
 def blend_by_confidence(first: NormalMap, second: NormalMap) -> NormalMap:

@@ -56,12 +56,12 @@ def search_cameras(
     views = _views(photo.estimate, faces, lens, part(progress, 0.0, COMPARED))
     fits = []
     for number, camera in enumerate(views):
-        shown = _one_of(progress, COMPARED, ROUGHLY, number, len(views), "view")
+        shown = _one_of(progress, COMPARED, ROUGHLY, number, len(views), "view %d of %d")
         fits.append(refine_camera(photo, faces, camera, fix_focal=True, scales=ROUGH_SCALES, progress=shown))
     rough = _distinct_fits(sorted(fits, key=lambda fit: fit.cost))[:ROUGH]
     best = []
     for number, fit in enumerate(rough):
-        shown = _one_of(progress, ROUGHLY, WELL, number, len(rough), "best view")
+        shown = _one_of(progress, ROUGHLY, WELL, number, len(rough), "best view %d of %d")
         camera, scales = fit.camera, COMPARED_SCALES
         best.append(refine_camera(photo, faces, camera, fix_focal=fix_focal, scales=scales, progress=shown))
     best = _distinct_fits(sorted(best, key=lambda fit: fit.cost))
@@ -69,7 +69,7 @@ def search_cameras(
         # Try other focal lengths: refinement may converge to a wrong one.
         factors = [*ZOOMS, *([usual_focal / float(best[0].camera.focal[0])] if usual_focal else [])]
         for number, factor in enumerate(factors):
-            shown = _one_of(progress, WELL, LENSES, number, len(factors), "lens")
+            shown = _one_of(progress, WELL, LENSES, number, len(factors), "lens %d of %d")
             zoomed = _zoomed(best[0].camera, faces.scene.middle, factor)
             best.append(refine_camera(photo, faces, zoomed, scales=COMPARED_SCALES, progress=shown))
     found = _distinct_fits(sorted(best, key=lambda fit: fit.cost))[:count]
@@ -81,7 +81,7 @@ def search_cameras(
 def _one_of(progress: Progress, start: float, end: float, number: int, count: int, what: str) -> Progress:
     """Progress of one of several steps from `start` to `end` that take equally long."""
     first, last = (start + (end - start) * (number + step) / count for step in (0, 1))
-    return part(progress, first, last, f"{what} {number + 1} of {count}")
+    return part(progress, first, last, what % (number + 1, count))
 
 
 def _zoomed(camera: Camera, middle: Floats, factor: float) -> Camera:
