@@ -48,7 +48,7 @@ def test_a_sentence_within_another_is_translated_and_what_is_unknown_stays(scene
     assert recognised(f"Rig 2: {inner}", "de_DE").startswith("Rig 2: a.png lässt sich nicht schreiben")
     named = recognised('there is no object "photo" in the scene; check its name', "de_DE")
     assert "„photo“" in named and "Szene" in named
-    for unknown in ("line of sight: none", "view the whole scene", "a.png", "", ": ", "it is not known to anybody"):
+    for unknown in ("line of sight: nobody", "view the whole scene", "a.png", "", ": ", "it is not known to anybody"):
         assert recognised(unknown, "de_DE") == unknown
     assert recognised("reading the mesh", "xx_XX") == "reading the mesh"
 
