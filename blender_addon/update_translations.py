@@ -102,7 +102,7 @@ def said(file: Path) -> Iterator[str]:
             return ["".join(parts)]
         if isinstance(words, ast.IfExp):
             return texts(words.body) + texts(words.orelse)
-        if isinstance(words, ast.BoolOp):
+        if isinstance(words, ast.BoolOp | ast.Dict):
             return [text for one in words.values for text in texts(one)]
         if isinstance(words, ast.BinOp):
             return [begin + end for begin in texts(words.left) for end in texts(words.right)]
@@ -130,7 +130,7 @@ def said(file: Path) -> Iterator[str]:
             yield from (text for part in parts if part is not None for text in texts(part))
     # Sentences that several functions share.
     shared = (text for one in tree.body * own if isinstance(one, ast.Assign) for text in texts(one.value))
-    yield from (text for text in shared if text.count(" ") > 3 and text.isprintable())
+    yield from (text for text in shared if text.count(" ") > 2 and text.isprintable())
 
 
 def template() -> Catalog:

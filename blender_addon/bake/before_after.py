@@ -15,7 +15,7 @@ import numpy as np
 from bpy.app.translations import pgettext_iface as iface
 from gpu_extras import presets
 from gpu_extras.batch import batch_for_shader
-from mathutils import Vector
+from mathutils import Matrix, Vector
 from numpy.typing import NDArray
 
 from mpsnet_core.arrays.unit_vectors import normalised
@@ -44,6 +44,8 @@ KEYS = "Move the mouse: light.  Drag: dividers.  Esc: end"
 _COLUMN = 0.2
 # The lamp is at the horizon where the mouse is this share of the viewport's height from its middle.
 _REACH, _LOWEST = 0.45, 0.25
+_FILLED = 0.95  # the share of the room beside the pictures' column that the object fills at most
+_TEXT = 14, 10  # sizes of a text, the second where the first does not fit
 _FINER = 2  # pixels of what is drawn for each pixel of the viewport, along each side
 _BACKGROUND = (0.045, 0.045, 0.05, 1.0)
 
@@ -120,6 +122,12 @@ def free_place(area: Any) -> tuple[float, float, float, float]:
     return left, low, right, high
 
 
+def room(area: Any) -> tuple[float, float, float, float]:
+    """As :func:`free_place`, beside the pictures' column."""
+    left, low, right, high = free_place(area)
+    return left + _COLUMN * (right - left), low, right, high
+
+
 def textures_of(obj: Any) -> dict[str, Any]:
     """The images of an object's baked normals, "normals", and colours, "albedo", as far as its materials show them."""
     trees = trees_of(obj) if obj is not None else []
@@ -185,6 +193,44 @@ def _plain(*colour: float) -> Any:
     return _gpu.types.GPUTexture((1, 1), format="RGBA32F", data=_gpu.types.Buffer("FLOAT", 4, [*colour, 1.0]))
 
 
+@dataclass(frozen=True)
+class View:
+    """Where a viewport showed an object at first. All are in pixels of its main region, which bars cover in part."""
+
+    middle: Vector
+    """The middle of what was to be seen of the object."""
+    extent: Vector
+    """Width and height of that."""
+    size: Vector
+    """Width and height of the region."""
+
+    @classmethod
+    def of(cls, area: Any, target: Any) -> "View":
+        window = next(region for region in area.regions if region.type == "WINDOW")
+        size, view = (window.width, window.height), area.spaces.active.region_3d.perspective_matrix
+        seen = [seen_at(target.matrix_world @ Vector(corner), view, size) for corner in target.bound_box]
+        places = np.clip([place for place in seen if place is not None] or [(0, 0), size], 0, size)
+        low, high = places.min(axis=0), places.max(axis=0)
+        return cls(Vector((low + high) / 2), Vector(np.maximum(high - low, 1)), Vector(size))
+
+    def scale(self, area: Any) -> float:
+        """How much smaller the object is drawn so that it fits into the room: 1 where it does."""
+        left, low, right, high = room(area)
+        return min(1.0, _FILLED * (right - left) / self.extent.x, _FILLED * (high - low) / self.extent.y)
+
+    def in_room(self, area: Any) -> Matrix:
+        """(4, 4) moves the object into the middle of the room, in clip space."""
+        (left, low, right, high), scale = room(area), self.scale(area)
+        moved = Vector((left + right, low + high)) - 2 * scale * self.middle
+        across, up = (by / side + scale - 1 for by, side in zip(moved, self.size, strict=True))
+        return Matrix.Translation((across, up, 0)) @ Matrix.Diagonal((scale, scale, 1, 1))
+
+    def dividers(self, area: Any) -> list[float]:
+        """Where the object's second quarter begins and ends, from 0 to 1 across the room."""
+        left, _, right, _ = room(area)
+        return [0.5 - self.scale(area) * self.extent.x / 4 / (right - left), 0.5]
+
+
 @dataclass(eq=False)
 class _Comparison:
     """What is drawn over one viewport."""
@@ -200,9 +246,11 @@ class _Comparison:
     titles: Sequence[str]
     """What stands over the parts."""
     dividers: list[float]
-    """Between the parts, from 0 to 1 across the viewport."""
+    """Between the parts, from 0 to 1 across the room that the viewport has for them."""
+    view: "View"
+    """What the viewport showed, and how large."""
     mouse: tuple[float, float]
-    """From -1 to 1, from the middle of the viewport; the lamp is there."""
+    """From -1 to 1, from the middle of the room; the lamp is there."""
     dragged: int | None = None
     """Number of the divider that is dragged."""
     handle: Any = None
@@ -245,13 +293,14 @@ class _Comparison:
             gpu.state.depth_test_set("LESS")
             gpu.state.depth_mask_set(True)
             gpu.state.blend_set("NONE")
-            shader, first = self.shader, self.dividers[0] if "photo" in self.textures else -1.0
+            shader, ends = self.shader, [at / region.width for at in self._ends(context.area)]
             shader.bind()
-            shader.uniform_float("seen", view.perspective_matrix)
+            shader.uniform_float("seen", self.view.in_room(context.area) @ view.perspective_matrix)
             shader.uniform_float("lamp", (*self.lamp(np.array(inverse.to_3x3())), 0))
             # From the viewer: an orthographic one is at infinity.
             shader.uniform_float("viewer", viewer)
-            shader.uniform_float("ends", (first, self.dividers[-1], size[0], 1.0))
+            first = ends[1] if "photo" in self.textures else -1.0
+            shader.uniform_float("ends", (first, ends[-2], size[0], 1.0))
             for name in ("photo", "normals", "albedo"):
                 shader.uniform_sampler(name, self.textures.get(name) or self.textures["normals"])
             self.batch.draw(shader)
@@ -261,16 +310,19 @@ class _Comparison:
         self._draw_titles(context)
         draw_results()
 
+    def _ends(self, area: Any) -> list[float]:
+        """Where the parts begin and end, in pixels of the viewport's main region."""
+        left, _, right, _ = room(area)
+        return [left + (right - left) * at for at in (0, *self.dividers, 1)]
+
     def _draw_titles(self, context: Any) -> None:
-        scale, width = context.preferences.system.ui_scale, context.region.width
-        left, low, right, high = free_place(context.area)
-        ends = [left + _COLUMN * (right - left), *(width * at for at in self.dividers), right]
+        scale, ends = context.preferences.system.ui_scale, self._ends(context.area)
+        _, low, _, high = room(context.area)
         for end in ends[1:-1]:
             draw_line([(end, low), (end, high)], OPEN)
-        blf.size(0, 14 * scale)
         for title, start, end in zip(self.titles, ends, ends[1:], strict=False):
-            draw_text(((start + end - blf.dimensions(0, title)[0]) / 2, high - 26 * scale), title, OPEN)
-        draw_text((ends[0] + 12 * scale, low + 14 * scale), iface(KEYS), OPEN)
+            _draw_between(title, start, end, high - 26 * scale)
+        _draw_between(iface(KEYS), ends[0], ends[-1], low + 14 * scale)
 
 
 _running: list[_Comparison] = []
@@ -339,10 +391,11 @@ class MPS_OT_before_after(ReportingOperator, bpy.types.Operator):
         if event.type == "LEFTMOUSE" and event.value == "PRESS":
             mine.dragged = int(np.argmin([abs(place[0] - at) for at in mine.dividers]))
         if mine.dragged is None:
-            reach = _REACH * min(area.width, area.height)
-            mine.mouse = (place[0] - 0.5) * area.width / reach, (place[1] - 0.5) * area.height / reach
+            left, low, right, high = room(area)
+            reach = _REACH * min(right - left, high - low)
+            mine.mouse = (place[0] - 0.5) * (right - left) / reach, (place[1] - 0.5) * (high - low) / reach
         else:
-            mine.dividers[mine.dragged] = place[0]
+            mine.dividers[mine.dragged] = min(max(place[0], 0), 1)
             mine.dividers.sort()
         area.tag_redraw()
         return {"RUNNING_MODAL"}
@@ -352,12 +405,23 @@ class MPS_OT_before_after(ReportingOperator, bpy.types.Operator):
         self._comparison.leave()
 
 
+def _draw_between(text: str, start: float, end: float, height: float) -> None:
+    """Draw a text in the middle between two places, smaller where it would not fit; not at all where that would not."""
+    for size in _TEXT:
+        blf.size(0, size * bpy.context.preferences.system.ui_scale)
+        width = blf.dimensions(0, text)[0]
+        if width < end - start:
+            draw_text(((start + end - width) / 2, height), text, OPEN, size=size)
+            return
+
+
 def _within(area: Any, event: Any) -> Place | None:
-    """The mouse from 0 to 1 across a viewport's main region; None outside of it, as in the sidebar."""
+    """The mouse from 0 to 1 across a viewport's room; None outside of the viewport, as in the sidebar."""
     window = next(region for region in area.regions if region.type == "WINDOW")
     left, low, right, high = free_place(area)
-    x, y = event.mouse_x - window.x, event.mouse_y - window.y
-    return (x / window.width, y / window.height) if left <= x < right and low <= y < high else None
+    x, y, start = event.mouse_x - window.x, event.mouse_y - window.y, room(area)[0]
+    inside = left <= x < right and low <= y < high
+    return ((x - start) / (right - start), (y - low) / (high - low)) if inside else None
 
 
 def _comparison(context: Any, area: Any, target: Any) -> _Comparison:
@@ -385,23 +449,17 @@ def _comparison(context: Any, area: Any, target: Any) -> _Comparison:
     batch: dict[str, Any] = {name: values.astype(np.float32) for name, values in corners.items()}
     photo_title, plain, textured = map(iface, PARTS)
     titles = [photo_title, f"{plain}, {len(target.data.polygons):,} {iface('Faces')}", textured]
+    view = View.of(area, target)
     return _Comparison(
         area.as_pointer(),
         shader,
         batch_for_shader(shader, "TRIS", batch),
         textures,
         titles if "photo" in textures else titles[1:],
-        _dividers(area, target) if "photo" in textures else [0.5],
+        view.dividers(area)[0 if "photo" in textures else 1 :],
+        view,
         (-0.5, 0.5),
     )
-
-
-def _dividers(area: Any, target: Any) -> list[float]:
-    """Where an object's second quarter begins and ends, from 0 to 1 across the viewport."""
-    view = area.spaces.active.region_3d.perspective_matrix
-    seen = [seen_at(target.matrix_world @ Vector(corner), view, (1, 1)) for corner in target.bound_box]
-    across = np.clip([place[0] for place in seen if place is not None] or [0, 1], 0, 1)
-    return [float(across.min() + share * np.ptp(across)) for share in (1 / 4, 1 / 2)]
 
 
 def unregister() -> None:

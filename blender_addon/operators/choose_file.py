@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 import bpy
-from bpy.props import BoolProperty, StringProperty
+from bpy.props import BoolProperty, CollectionProperty, StringProperty
 
 from mpsnet_core.io.files import HEIF_SUFFIXES, RAW_SUFFIXES
 
@@ -19,6 +19,8 @@ _SUFFIXES = {
     "model_file": (".onnx",),
     "cameras": (".json", ".xml", ".txt", ".bin", ".sfm"),
 }
+# Settings that are filled in together where as many files are chosen for the first one, in the order of their names.
+_TOGETHER = {"first": ("first", "second", "third"), "ball": ("ball", "second_light", "third_light")}
 _last: list[Path] = []  # the folder of the last file that was chosen
 
 
@@ -37,7 +39,7 @@ def remember_folder(file: str) -> None:
 
 
 class MPS_OT_choose_file(bpy.types.Operator):
-    """Choose a file of the kind that this field takes"""
+    """Choose a file of the kind that this field takes. For the first of three lights you can select all three photos"""
 
     bl_idname = "mps.choose_file"
     bl_label = "Choose File"
@@ -46,6 +48,8 @@ class MPS_OT_choose_file(bpy.types.Operator):
     group: StringProperty(name="Group", description="Path of the settings in the scene", options={"SKIP_SAVE"})
     setting: StringProperty(name="Setting", description="Name of the setting to fill in", options={"SKIP_SAVE"})
     filepath: StringProperty(name="File", description="The file", subtype="FILE_PATH", options={"SKIP_SAVE"})
+    directory: StringProperty(subtype="DIR_PATH", options={"HIDDEN", "SKIP_SAVE"})
+    files: CollectionProperty(type=bpy.types.OperatorFileListElement, options={"HIDDEN", "SKIP_SAVE"})
     filter_glob: StringProperty(options={"HIDDEN", "SKIP_SAVE"})
     filter_image: BoolProperty(options={"HIDDEN", "SKIP_SAVE"})
     filter_folder: BoolProperty(default=True, options={"HIDDEN", "SKIP_SAVE"})
@@ -62,6 +66,11 @@ class MPS_OT_choose_file(bpy.types.Operator):
     def execute(self, context: Any) -> set[Any]:
         remember_folder(self.filepath)
         relative = bpy.data.filepath and context.preferences.filepaths.use_relative_paths
-        file = bpy.path.relpath(self.filepath) if relative else self.filepath
-        setattr(context.scene.path_resolve(self.group), self.setting, file)
+        chosen, names = (
+            sorted(str(Path(self.directory, file.name)) for file in self.files),
+            _TOGETHER.get(self.setting, ()),
+        )
+        pairs = zip(names, chosen, strict=True) if len(names) == len(chosen) > 1 else [(self.setting, self.filepath)]
+        for name, file in pairs:
+            setattr(context.scene.path_resolve(self.group), name, bpy.path.relpath(file) if relative else file)
         return {"FINISHED"}

@@ -65,7 +65,7 @@ class MPS_PT_calibrate(Step):
             self.column(context.scene.mps.bake, "target", target=target_name(context))
         lamps = calibrate.source == "LAMPS"
         if lamps:
-            self.field(self.column(), calibrate, "ball", text="Red")
+            self.field(self.column(), calibrate, "ball", text="First Light")
         photos = ("second_light", "third_light") if lamps else ("ball", "second_ball")
         ball = (*photos, "lens", "ball_radius", "encoding") if from_ball(calibrate) else ()
         self.column(calibrate, *ball, "output", second_ball="For positions")

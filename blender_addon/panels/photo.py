@@ -106,6 +106,33 @@ def note_of_step(scene: Any) -> str:
     return Note(words, scene.frame_step)
 
 
+class MPS_PT_superpose(Step):
+    bl_label = "Three Shots"
+    way = "PHOTOGRAPH"
+    verbs = ("superpose",)
+    optional = True
+    bl_parent_id = "MPS_PT_photo"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    @classmethod
+    def result(cls, context: Any) -> Any:
+        image = context.scene.mps.photo.image
+        return image if image and made_by(image) in cls.verbs else None
+
+    @classmethod
+    def lacks(cls, context: Any) -> str:
+        settings = context.scene.mps.superpose
+        if all((settings.first, settings.second, settings.third)):
+            return ""
+        return "Choose three photos, each under one white light from another side. Nothing but the light may move"
+
+    def draw(self, context: Any) -> None:
+        settings = context.scene.mps.superpose
+        photos = dict.fromkeys(("first", "second", "third"), "Photo")
+        self.column(settings, *photos, "encoding", "output", **photos)
+        self.progress_or(context, "superpose", "IMAGE_RGB")
+
+
 class MPS_PT_align(Step):
     bl_label = "Camera"
     way = "PHOTOGRAPH"
@@ -199,30 +226,3 @@ class MPS_PT_colour(Step):
         estimate = context.scene.mps.estimate
         names = (bool(estimate.white) and "white_light", bool(estimate.white or estimate.albedo) and "albedo")
         self.column(estimate, "white", *names, white="None", white_light="Rig")
-
-
-class MPS_PT_superpose(Step):
-    bl_label = "Three White Lights"
-    way = "PHOTOGRAPH"
-    verbs = ("superpose",)
-    optional = True
-    bl_parent_id = "MPS_PT_photo"
-    bl_options = {"DEFAULT_CLOSED"}
-
-    @classmethod
-    def result(cls, context: Any) -> Any:
-        image = context.scene.mps.photo.image
-        return image if image and made_by(image) in cls.verbs else None
-
-    @classmethod
-    def lacks(cls, context: Any) -> str:
-        settings = context.scene.mps.superpose
-        if all((settings.first, settings.second, settings.third)):
-            return ""
-        return "Choose a photo under each of the rig's three lights, turned white. The object must not move"
-
-    def draw(self, context: Any) -> None:
-        settings = context.scene.mps.superpose
-        photos = dict.fromkeys(("first", "second", "third"), "Photo")
-        self.column(settings, *photos, "encoding", "output", **photos)
-        self.progress_or(context, "superpose", "IMAGE_RGB")

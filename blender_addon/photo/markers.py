@@ -51,9 +51,9 @@ def draw_line(places: Iterable[Sequence[float]], colour: Colour, alpha: float = 
     gpu.state.blend_set("NONE")
 
 
-def draw_text(place: Place, text: str, colour: Colour, alpha: float = 1.0) -> None:
+def draw_text(place: Place, text: str, colour: Colour, alpha: float = 1.0, size: float = 14.0) -> None:
     """Draw text that starts at a place."""
-    blf.size(0, 14 * bpy.context.preferences.system.ui_scale)
+    blf.size(0, size * bpy.context.preferences.system.ui_scale)
     blf.enable(0, blf.SHADOW)
     blf.shadow(0, 6, 0.0, 0.0, 0.0, alpha)  # an outline
     blf.position(0, *place, 0)

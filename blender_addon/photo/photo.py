@@ -35,7 +35,7 @@ from .background_render import rendering_blender, written_job
 from .camera import PLACES, places_of
 from .studio import RenderKind, objects_in_photo, render, scene_facts, white_of
 
-_LIGHTS = ("first", "second", "third")
+LIGHTS = ("first", "second", "third")
 
 
 class _Renders(RunsCore):
@@ -186,9 +186,10 @@ class MPS_FH_photo(bpy.types.FileHandler):
 
 
 class MPS_OT_superpose(RunsCore, SuperposeSettings, bpy.types.Operator):
-    """Make one photo of three, each of them under one of the rig's lights alone, turned white.
+    """Make one photo of three, each of them under one white light alone.
 
-    The object may not move between them. Each photo becomes a channel, so that paint does not mislead the estimate"""
+    Neither object nor camera may move between them. Each photo becomes a channel, so that paint does not mislead the
+    estimate, and all together are the white photo, which shows the colours"""
 
     bl_idname = "mps.superpose"
     bl_label = "Make One Photo"
@@ -196,20 +197,20 @@ class MPS_OT_superpose(RunsCore, SuperposeSettings, bpy.types.Operator):
     @classmethod
     def provenance(cls, context: Any) -> Provenance:
         settings = context.scene.mps.superpose
-        files = {settings.bl_rna.properties[name].name: file_stamp(getattr(settings, name)) for name in _LIGHTS}
+        files = {settings.bl_rna.properties[name].name: file_stamp(getattr(settings, name)) for name in LIGHTS}
         return {**files, **chosen(settings, only=("encoding",))}
 
     def prepare(self, context: Any, folder: Path) -> tuple[Superpose, Sequence[Path]]:
         scene = context.scene
         apply_given_settings(self, scene.mps.superpose)
-        photos = [getattr(self, name) for name in _LIGHTS]
-        for name, photo in zip(_LIGHTS, photos, strict=True):
+        photos = [getattr(self, name) for name in LIGHTS]
+        for name, photo in zip(LIGHTS, photos, strict=True):
             if not photo:
                 raise InputError(f"no photo under the {name} light is named; choose one for each of the three lights")
         output = render_path(output_path(self.output, result_name(scene, "superposed"), "EXR"))
-        images = tuple(map(bpy.path.abspath, photos))
-        options = options_of(Superpose, self)
-        return Superpose(image=images, channels=True, output=str(output), **options), [output]
+        images, white = tuple(map(bpy.path.abspath, photos)), output.with_name(f"{output.stem}_white.exr")
+        options = {**options_of(Superpose, self), "white": str(white)}
+        return Superpose(image=images, channels=True, output=str(output), **options), [output, white]
 
     def finish(self, context: Any, result: dict[str, Any]) -> None:
         photo = Path(result["output"])
@@ -219,6 +220,7 @@ class MPS_OT_superpose(RunsCore, SuperposeSettings, bpy.types.Operator):
         self.made(image)
         rig.estimate.encoding = "AUTO"  # the setting was for the three photos; this file states its own
         _set_photo(rig, image)
+        rig.estimate.white = str(photo.with_name(f"{photo.stem}_white.exr"))
         self.tell(f"Photo written to {photo}")
 
 

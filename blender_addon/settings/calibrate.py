@@ -35,8 +35,8 @@ class CalibrateSettings:
         "Photo of the same ball at another place. With two places the lights' positions are found, "
         "not only their directions. Needs the lens",
     )
-    second_light: InputSetting("Green", "Photo of the same ball in the same place, under the second light alone")
-    third_light: InputSetting("Blue", "Photo of the same ball in the same place, under the third light alone")
+    second_light: InputSetting("Second Light", "Photo of the same ball in the same place, under the second light alone")
+    third_light: InputSetting("Third Light", "Photo of the same ball in the same place, under the third light alone")
     ball_radius: from_option(CalibrateLights, "radius", name="Ball Radius", default=1.0, low=1e-6)
     grey: InputSetting("Grey Ball", "Photo of a matt grey ball under the red, green and blue light at once")
     lens: from_option(CalibrateLights, "focal", name="Lens (mm)", unset="the camera is assumed to be far away")

@@ -1,4 +1,4 @@
-"""Settings of a photo that is combined from three."""
+"""Settings of a photo that is combined from three, each under one white light."""
 
 import bpy
 
@@ -11,13 +11,15 @@ class SuperposeSettings:
     """Three photos under one white light each, in the order of the rig's lights, and the combined photo."""
 
     first: InputSetting(
-        "First Light", "Photo of the object at rest under the rig's first light alone, turned white: the red channel"
+        "First Light",
+        "Photo of the object at rest under the first white light alone, as a torch held to one side: the red channel",
     )
     second: InputSetting(
-        "Second Light", "Photo of the same pose under the rig's second light alone, turned white: the green channel"
+        "Second Light",
+        "Photo of the same pose under the second white light alone, from another side: the green channel",
     )
     third: InputSetting(
-        "Third Light", "Photo of the same pose under the rig's third light alone, turned white: the blue channel"
+        "Third Light", "Photo of the same pose under the third white light alone, from the third side: the blue channel"
     )
     encoding: from_option(Superpose, "encoding")
     output: FileSetting("File", "OpenEXR file to write. Empty: a name of its own in the output folder")

@@ -22,7 +22,7 @@ from ..operators.core_run import idle
 from ..photo.align import mesh_of_photo
 from ..photo.camera import chosen_camera, lacks_photo_camera
 from ..photo.options import finds_lights, rig_file_for
-from ..photo.photo import load_any_photo
+from ..photo.photo import LIGHTS, load_any_photo
 from ..scene.objects import find_object
 from ..scene.surfaces import middle_of
 from ..settings.declared import FileSetting, StringSetting
@@ -70,12 +70,18 @@ class MPS_OT_scan(RunsSteps, bpy.types.Operator):
         return super().invoke(context, event)
 
     def steps(self) -> Sequence[Callable[[Any], Call | None]]:
-        return self._prepare, self._align, self._lights, self._estimate, self._bake, self._present
+        return self._shots, self._prepare, self._align, self._lights, self._estimate, self._bake, self._present
+
+    def _shots(self, context: Any) -> Call | None:
+        pictures = sorted(Path(self.directory, file.name) for file in self.files)
+        if len(pictures) == len(LIGHTS):
+            return "superpose", dict(zip(LIGHTS, map(str, pictures), strict=True))
+        if pictures:
+            self.photo, self.white = photo_and_white(pictures)
+        return None
 
     def _prepare(self, context: Any) -> None:
         scene = context.scene
-        if self.files:
-            self.photo, self.white = photo_and_white([Path(self.directory, file.name) for file in self.files])
         if self.photo:
             run_operator(bpy.ops.mps.open_photo, filepath=self.photo)
         if self.white:
@@ -142,7 +148,7 @@ class MPS_OT_scan(RunsSteps, bpy.types.Operator):
 
 
 class MPS_FH_scan(bpy.types.FileHandler):
-    """Drag and drop: a photo, or a photo and its white photo, dropped onto a mesh in a 3D viewport is scanned."""
+    """Drag and drop onto a mesh in a 3D viewport: a photo, a photo and its white photo, or three of one light each."""
 
     bl_idname = "MPS_FH_scan"
     bl_label = "Scan onto the Mesh with MPS-Net"
@@ -161,7 +167,10 @@ def photo_and_white(pictures: Sequence[Path]) -> tuple[str, str]:
     Raises InputError if there are more than two, or two that cannot be told apart.
     """
     if len(pictures) > 2:
-        raise InputError(f"these are {len(pictures)} pictures; drop one photo, or a photo and its white photo")
+        raise InputError(
+            f"these are {len(pictures)} pictures; drop one photo, a photo and its white photo, or three under one white "
+            "light each"
+        )
     if len(pictures) < 2:
         return str(pictures[0]), ""
     before, colours = set(bpy.data.images), []

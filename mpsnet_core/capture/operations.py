@@ -215,12 +215,17 @@ class Superpose(ReadsPictures):
         help="make the red, green and blue channels from three photos, each under one white light, in the "
         "rig's order; photos of a folder or pattern are sorted by number",
     )
+    white: str | None = option(
+        default=None,
+        metavar="FILE",
+        help="with --channels, also write the photos' sum, which shows the colours: the --white photo of estimate",
+    )
     output: str = option(help="the photo under all lights: .exr or float .tif; with --channels also .png (sRGB)")
 
     def run(self, progress: Progress = silent) -> PhotoMade:
-        """Write the photo."""
+        """Write the photo, and the one under white light if requested."""
         from mpsnet_core.capture.superpose import as_channels, superpose
-        from mpsnet_core.io.files import check_no_overwrite, checked_bits
+        from mpsnet_core.io.files import check_no_overwrite, checked_bits, write_transaction
         from mpsnet_core.io.frames import expand_images, in_order_of_lights
         from mpsnet_core.io.image import linear_to_srgb
         from mpsnet_core.io.image_writing import write_photo
@@ -228,7 +233,11 @@ class Superpose(ReadsPictures):
         files = expand_images(self.image)
         if self.channels:
             files = in_order_of_lights(files)
-        check_no_overwrite(files, [self.output])
+        if self.white and not self.channels:
+            raise SettingsError(
+                "--white goes with --channels; the photo of coloured lights shows no colours of its own"
+            )
+        check_no_overwrite(files, [self.output, *([self.white] if self.white else [])])
         is_png = self.channels and Path(self.output).suffix.lower() == ".png"
         # A sum of lights can be above 1, which only float files hold.
         bits = checked_bits(Path(self.output), None if is_png else 32)
@@ -238,7 +247,11 @@ class Superpose(ReadsPictures):
         if is_png:
             encoded = linear_to_srgb(photo.pixels / max(1.0, float(photo.pixels.max())))
             photo = replace(photo, pixels=encoded)
-        write_photo(self.output, photo, bits=bits, linear=not is_png)
+        with write_transaction():
+            write_photo(self.output, photo, bits=bits, linear=not is_png)
+            if self.white:
+                white = superpose(files, encoding=self.encoding, grey=True)
+                write_photo(self.white, white, bits=checked_bits(Path(self.white), 32), linear=True)
         progress(1.0, "done")
         if not self.channels:
             return PhotoMade(self.output, text=f"{self.output}: {len(files)} photo(s), added up")

@@ -17,15 +17,17 @@ from mpsnet_core.io.opening import AnyPath
 log = logging.getLogger(__name__)
 
 
-def superpose(photos: Sequence[AnyPath], *, encoding: Encoding = "auto") -> Image:
+def superpose(photos: Sequence[AnyPath], *, encoding: Encoding = "auto", grey: bool = False) -> Image:
     """The sum of photos of an object that did not move.
 
     Parameters
     ----------
     photos : sequence of str or path
-        One for each coloured light.
+        One for each light.
     encoding : str
         How the photos' values are encoded: "auto", "linear" or "srgb".
+    grey : bool
+        Whether photos of one channel are taken, too, as grey ones.
 
     Returns
     -------
@@ -39,8 +41,8 @@ def superpose(photos: Sequence[AnyPath], *, encoding: Encoding = "auto") -> Imag
     GeometryError
         If sizes differ, or the result is fully transparent.
     """
-    images = _read(photos, encoding, grey=False)
-    return _together(images, np.sum([image.pixels for image in images], axis=0))
+    images = _read(photos, encoding, grey=grey)
+    return _together(images, sum(np.broadcast_to(image.pixels, (*image.pixels.shape[:2], 3)) for image in images))
 
 
 def as_channels(photos: Sequence[AnyPath], *, encoding: Encoding = "auto") -> Image:

@@ -120,7 +120,7 @@ def test_pictures_that_are_no_photo_with_its_white_photo_are_refused(pictures):
     def drop(*files):
         bpy.ops.mps.scan(directory=str(photo.parent), files=[{"name": file.name} for file in files])
 
-    with pytest.raises(RuntimeError, match="3 pictures"):
-        drop(photo, white, white)
+    with pytest.raises(RuntimeError, match="4 pictures"):
+        drop(photo, white, white, white)
     with pytest.raises(RuntimeError, match="equally colourful"):
         drop(photo, shutil.copy(photo, photo.with_name("c.png")))

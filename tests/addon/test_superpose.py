@@ -16,6 +16,7 @@ from .test_steps import stands
 SPHERE = shaded_sphere(64)
 PAINT = np.array([0.9, 0.5, 0.2])
 LIGHTS = ("first", "second", "third")
+PLACES = ("second_light", "third_light")
 
 
 @pytest.fixture
@@ -39,7 +40,10 @@ def test_three_white_photos_become_the_photo_that_is_estimated(scene, photos, tm
     image = scene.mps.photo.image
     assert Path(image.filepath) == tmp_path / "one.exr"
     np.testing.assert_allclose(read_image(image.filepath).pixels, SPHERE.image * PAINT.mean(), atol=1e-6)
-    assert (scene.mps.estimate.white, scene.mps.estimate.encoding) == ("", "AUTO")
+    # Not the white photo of the photo before: the three together show the colours.
+    assert (scene.mps.estimate.white, scene.mps.estimate.encoding) == (str(tmp_path / "one_white.exr"), "AUTO")
+    expected = SPHERE.image.sum(axis=-1, keepdims=True) * PAINT
+    np.testing.assert_allclose(read_image(tmp_path / "one_white.exr").pixels, expected, atol=1e-6)
 
     write_rig(tmp_path / "rig.json", SPHERE.rig)
     settings = {"mask": "THRESHOLD", "threshold": 0.02, "rig_file": str(tmp_path / "rig.json")}
@@ -50,6 +54,25 @@ def test_three_white_photos_become_the_photo_that_is_estimated(scene, photos, tm
 
     write_image(photos["second"], np.ones((70, 64, 3)))
     assert stands(MPS_PT_superpose) == (Kind.OUT_OF_DATE, "Changed since: Second Light")
+
+
+def test_three_photos_that_are_chosen_at_once_fill_the_three_fields(scene, photos, tmp_path):
+    files = [{"name": Path(photo).name} for photo in photos.values()]
+    for group, setting, names in (("superpose", "first", LIGHTS), ("calibrate", "ball", ("ball", *PLACES))):
+        place = getattr(scene.mps, group)
+        chosen = {"group": place.path_from_id(), "setting": setting, "filepath": photos["first"]}
+        bpy.ops.mps.choose_file(**chosen, directory=str(tmp_path), files=files)
+        assert [getattr(place, name) for name in names] == sorted(photos.values())
+    bpy.ops.mps.choose_file(**chosen, directory=str(tmp_path), files=files[1:])
+    assert scene.mps.calibrate.ball == photos["first"]  # the one under the mouse
+
+
+def test_three_dropped_photos_are_shots_of_one_pose(scene, photos, tmp_path):
+    with pytest.raises(RuntimeError, match="select the mesh object"):
+        bpy.ops.mps.scan(directory=str(tmp_path), files=[{"name": f"{name}.exr"} for name in LIGHTS])
+    assert read_image(scene.mps.photo.image.filepath).pixels.shape == (64, 64, 3)
+    assert scene.mps.superpose.third == photos["third"]
+    assert scene.mps.estimate.white.endswith("_white.exr")
 
 
 def test_what_is_missing_or_does_not_fit_is_reported(scene, photos, tmp_path):

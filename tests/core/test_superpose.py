@@ -39,6 +39,19 @@ def test_photos_of_one_channel_are_taken(tmp_path: Path) -> None:
     np.testing.assert_allclose(as_channels(files).pixels, np.broadcast_to(values, (4, 5, 3)), rtol=1e-6)
 
 
+def test_the_white_photo_is_the_sum_which_shows_the_colours(photos: list[str], sphere: Sphere, tmp_path: Path) -> None:
+    output, white = tmp_path / "photo.exr", tmp_path / "white.exr"
+    assert main(["superpose", "--channels", *photos, "--white", str(white), "-o", str(output)]) == 0
+    pixels = read_image(white).pixels[sphere.lit]
+    columns = np.broadcast_to(np.arange(64) // 32, (64, 64))[sphere.lit]
+    expected = PAINT[columns] / PAINT[columns].max(axis=-1, keepdims=True)
+    np.testing.assert_allclose(pixels / pixels.max(axis=-1, keepdims=True), expected, atol=2e-3)
+    grey = [str(write_file(tmp_path / f"{k}.exr", np.full((4, 5), 0.25), "float")) for k in range(3)]
+    assert main(["superpose", "--channels", *grey, "--white", str(white), "-o", str(output), "--overwrite"]) == 0
+    np.testing.assert_allclose(read_image(white).pixels, np.full((4, 5, 3), 0.75), rtol=1e-6)
+    assert main(["superpose", *photos, "--white", str(white), "-o", str(output)]) == 2
+
+
 def test_what_is_clipped_in_one_colour_is_clipped_in_the_channel(tmp_path: Path) -> None:
     values = np.full((4, 5, 3), 0.3)
     values[1, 2, 0] = 1
