@@ -5,6 +5,7 @@ import bpy
 from mpsnet_core.relief.operations import Integrate
 
 from .declared import FileSetting, format_setting, from_option, image_pointer
+from .messages import OWN_SENSE
 
 
 class HeightsSettings:
@@ -12,7 +13,7 @@ class HeightsSettings:
 
     method: from_option(Integrate, "method", name="Surface", labels={"fast": "Smooth", "bilateral": "With Steps"})
     distance: from_option(Integrate, "distance", unset="as far as the target is in this scene")
-    mesh: from_option(Integrate, "mesh", switch=True, default=True)
+    mesh: from_option(Integrate, "mesh", switch=True, default=True, translation_context=OWN_SENSE)
     faces: from_option(Integrate, "faces")
     curvature: from_option(Integrate, "curvature", switch=True)
     occlusion: from_option(Integrate, "occlusion", name="Ambient Occlusion", switch=True)
