@@ -45,7 +45,7 @@ class Samples(Evaluation):
         return [replace(result.row(), further=shares) for result in results]
 
     def table(self, rows: Sequence[Row]) -> str:
-        """A line per model, a column per kind of shape, then per number of colours; means last. Then kinds of pixels."""
+        """A line per model, a column per kind of shape, then per number of colours; means last. Then kinds of pixel."""
         tables = [table_of_errors(rows, ("model",), column) for column in ("shape", "colours")]
         return "\n\n".join([*tables, *(table_by_kind(rows, kind) for kind in self._by)])
 
