@@ -42,7 +42,8 @@ def superpose(photos: Sequence[AnyPath], *, encoding: Encoding = "auto", grey: b
         If sizes differ, or the result is fully transparent.
     """
     images = _read(photos, encoding, grey=grey)
-    return _together(images, sum(np.broadcast_to(image.pixels, (*image.pixels.shape[:2], 3)) for image in images))
+    coloured = [np.broadcast_to(image.pixels, (*image.pixels.shape[:2], 3)) for image in images]
+    return _together(images, np.sum(coloured, axis=0))
 
 
 def as_channels(photos: Sequence[AnyPath], *, encoding: Encoding = "auto") -> Image:
