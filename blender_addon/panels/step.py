@@ -22,7 +22,7 @@ from ..outputs import is_safe_to_open
 from ..provenance import cached_file_sizes, changed_since, made_by, made_when
 from ..rig.several_rigs import OnEachRig
 from ..scene.objects import target_of
-from ..settings.messages import in_blender
+from ..settings.messages import OWN_SENSE, in_blender
 from ..settings.record import all_notes, error_of, notes_of
 from .text import across_sidebar, fitted, sentence, wrapped
 from .traffic_light import traffic_light
@@ -122,7 +122,7 @@ class Step(bpy.types.Panel):
         row.alert = kind in {Kind.FAILED, Kind.STOP}
         # Greyed out: it needs no attention.
         row.active = kind is not Kind.TO_DO
-        row.label(text=kind.word, icon=kind.icon)
+        row.label(text=kind.word, text_ctxt=OWN_SENSE, icon=kind.icon)
 
     def column(self, group: Any = None, *names: str | bool, heading: str = "", **placeholders: str) -> Any:
         """A column with a row for each of these settings of a group; False stands for none."""
@@ -210,7 +210,7 @@ class Step(bpy.types.Panel):
         row = box.row()
         failed = row.row()
         failed.alert = True
-        failed.label(text="Failed", icon="ERROR")
+        failed.label(text=Kind.FAILED.word, text_ctxt=OWN_SENSE, icon=Kind.FAILED.icon)
         row.operator("mps.dismiss", text="", icon="X", emboss=False).verb = verb
         wrapped(box, error)
 
