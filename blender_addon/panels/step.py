@@ -13,6 +13,7 @@ from enum import Enum
 from typing import Any
 
 import bpy
+from bpy.app.translations import pgettext_iface as iface
 
 from mpsnet_core.errors import Note
 
@@ -130,7 +131,9 @@ class Step(bpy.types.Panel):
         column.use_property_split = True
         column.use_property_decorate = False
         for name in map(str, filter(None, names)):
-            row: dict[str, str] = {"placeholder": placeholders[name]} if name in placeholders else {}
+            row: dict[str, Any] = {"placeholder": placeholders[name]} if name in placeholders else {}
+            if name == "target":  # the placeholder is an object's name, and no word
+                row |= {"text": iface(group.bl_rna.properties[name].name), "translate": False}
             if name == "output":  # "Texture File" is "File" in its own step
                 row = {"placeholder": "Automatic", "text": group.bl_rna.properties[name].name.split()[-1], **row}
             self.field(column, group, name, **row)

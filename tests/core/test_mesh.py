@@ -19,6 +19,7 @@ from synthetic import degrees_between
 
 from mpsnet_core import InputError, View, bake_normals, read_camera, read_normals
 from mpsnet_core.arrays.polygon_triangulation import triangulated
+from mpsnet_core.errors import Note
 from mpsnet_core.scene.mesh import Mesh, Up, read_mesh, shared_normals
 
 # Two squares side by side, the right one bent up; each has UVs of its own.
@@ -392,6 +393,9 @@ def test_glb_whose_normal_map_is_on_other_uvs_gets_a_warning(tmp_path, caplog, t
     change_header(path, lambda header: header["materials"][0].update(normalTexture=texture))
     read_mesh(path)
     assert ("uses other UVs than the first" in caplog.text) == warned
+    # Translators have its sentence without the mesh and the material in it.
+    for record in caplog.records:
+        assert str(path) not in str(record.msg) and [type(one) for one in record.args or ()][1:] == [Note]
 
 
 def test_glb_with_a_number_that_is_none_is_refused(tmp_path: Path) -> None:
