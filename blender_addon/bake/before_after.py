@@ -322,7 +322,7 @@ class _Comparison:
             draw_line([(end, low), (end, high)], OPEN)
         for title, start, end in zip(self.titles, ends, ends[1:], strict=False):
             _draw_between(title, start, end, high - 26 * scale)
-        _draw_between(iface(KEYS), ends[0], ends[-1], low + 14 * scale)
+        _draw_between(iface(KEYS), free_place(context.area)[0], ends[1], low + 14 * scale)  # the status bar tells, too
 
 
 _running: list[_Comparison] = []

@@ -168,8 +168,8 @@ def photo_and_white(pictures: Sequence[Path]) -> tuple[str, str]:
     """
     if len(pictures) > 2:
         raise InputError(
-            f"these are {len(pictures)} pictures; drop one photo, a photo and its white photo, or three under one white "
-            "light each"
+            f"these are {len(pictures)} pictures; drop one photo, a photo and its white photo, or three under one "
+            "white light each"
         )
     if len(pictures) < 2:
         return str(pictures[0]), ""
