@@ -115,7 +115,7 @@ class ViewReader:
                 if known is None and self.agreed and correction is not None and correction.share < UNLIKE:
                     log.info(
                         "the mesh's large shapes are %.1f° apart from the estimate's, which expects to be %.1f° wrong: "
-                        "they stay nearly as estimated; if the mesh is exact, give --level on",
+                        "they stay nearly as estimated; if the mesh is exact, trust it (--level on)",
                         correction.apart,
                         view.normals.expected_error,
                     )
