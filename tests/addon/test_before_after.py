@@ -8,8 +8,9 @@ import pytest
 from bpy_extras.object_utils import world_to_camera_view
 from mathutils import Euler, Matrix, Vector
 
-from blender_addon.bake.before_after import corners_of, in_photo, textures_of
+from blender_addon.bake.before_after import View, corners_of, in_photo, room, textures_of
 from blender_addon.image_records import remember
+from blender_addon.photo.places import seen_at
 from blender_addon.scene.camera import scene_camera
 from blender_addon.scene.mesh_file import begin_mesh
 from blender_addon.start.scan import photo_and_white
@@ -74,6 +75,32 @@ def test_the_photo_is_where_blenders_camera_sees_the_mesh(scene, kind):
     np.testing.assert_allclose(found[:, :2], expected[:, :2], atol=1e-5)
     assert (found[:, 2] > 0).all()
     assert (in_photo(scene_camera(camera, scene), places, np.tile([0, 1, -0.2], (20, 1)))[:, 2] < 0).all()
+
+
+@pytest.mark.parametrize(("across", "size"), [(0.0, 1.0), (-4.0, 1.5), (3.0, 0.5), (0.0, 3.3)])
+def test_the_object_is_shown_in_the_middle_of_what_bars_and_pictures_leave(turned, across, size):
+    """Wherever the viewport shows it; smaller, if it is larger than that."""
+    area = next(area for area in bpy.context.window.screen.areas if area.type == "VIEW_3D")
+    view, window = area.spaces.active.region_3d, next(one for one in area.regions if one.type == "WINDOW")
+    eye = view.view_matrix.inverted()
+    turned.matrix_world = Matrix.Translation(eye @ Vector((across, 0, -18))) @ Matrix.Scale(size, 4)
+    bpy.context.view_layer.update()
+
+    def places(moved):
+        seen = moved @ view.perspective_matrix
+        ends = [turned.matrix_world @ Vector(corner) for corner in turned.bound_box]
+        return np.array([seen_at(end, seen, (window.width, window.height)) for end in ends])
+
+    left, low, right, high = room(area)
+    shown = View.of(area, turned)
+    found, before = places(shown.in_room(area)), places(Matrix())
+    ends = found.min(axis=0), found.max(axis=0)
+    np.testing.assert_allclose((ends[0] + ends[1]) / 2, ((left + right) / 2, (low + high) / 2), atol=1)
+    assert (ends[0] > (left, low)).all() and (ends[1] < (right, high)).all()
+    assert (np.ptp(before, axis=0)[1] > high - low) == (shown.scale(area) < 0.9)
+    start, middle = shown.dividers(area)
+    assert left + middle * (right - left) == pytest.approx((ends[0] + ends[1])[0] / 2, abs=1)
+    assert left + start * (right - left) == pytest.approx((3 * ends[0] + ends[1])[0] / 4, abs=1)
 
 
 def test_it_asks_for_a_texture_first(turned):
