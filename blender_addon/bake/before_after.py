@@ -5,7 +5,7 @@ Everything is drawn over the viewport by a shader of its own, so nothing in the 
 
 from collections.abc import Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import blf
@@ -205,10 +205,11 @@ class View:
     """Width and height of the region."""
 
     @classmethod
-    def of(cls, area: Any, target: Any) -> "View":
+    def of(cls, area: Any, ends: Sequence[Vector]) -> "View":
+        """Where a viewport shows what has these corners in world space."""
         window = next(region for region in area.regions if region.type == "WINDOW")
         size, view = (window.width, window.height), area.spaces.active.region_3d.perspective_matrix
-        seen = [seen_at(target.matrix_world @ Vector(corner), view, size) for corner in target.bound_box]
+        seen = [seen_at(end, view, size) for end in ends]
         places = np.clip([place for place in seen if place is not None] or [(0, 0), size], 0, size)
         low, high = places.min(axis=0), places.max(axis=0)
         return cls(Vector((low + high) / 2), Vector(np.maximum(high - low, 1)), Vector(size))
@@ -245,12 +246,14 @@ class _Comparison:
     """The shader's textures by name, without "photo" if it is unknown where that was taken from."""
     titles: Sequence[str]
     """What stands over the parts."""
-    dividers: list[float]
-    """Between the parts, from 0 to 1 across the room that the viewport has for them."""
-    view: "View"
-    """What the viewport showed, and how large."""
-    mouse: tuple[float, float]
+    ends: Sequence[Vector]
+    """The corners of the object's box in world space."""
+    mouse: tuple[float, float] = (-0.5, 0.5)
     """From -1 to 1, from the middle of the room; the lamp is there."""
+    view: View | None = None
+    """Where the viewport showed the object; known once it is drawn: before, the matrix is of an earlier view."""
+    dividers: list[float] = field(default_factory=list)
+    """Between the parts, from 0 to 1 across the room that the viewport has for them."""
     dragged: int | None = None
     """Number of the divider that is dragged."""
     handle: Any = None
@@ -283,6 +286,9 @@ class _Comparison:
         if context.area is None or context.area.as_pointer() != self.area:
             return
         region, view = context.region, context.region_data
+        if self.view is None:
+            self.view = View.of(context.area, self.ends)
+            self.dividers = self.view.dividers(context.area)[0 if "photo" in self.textures else 1 :]
         size = _FINER * region.width, _FINER * region.height
         if self.canvas is None or (self.canvas.width, self.canvas.height) != size:
             self.canvas = _gpu.types.GPUOffScreen(*size)
@@ -386,7 +392,7 @@ class MPS_OT_before_after(ReportingOperator, bpy.types.Operator):
         if event.type == "LEFTMOUSE" and event.value == "RELEASE" and mine.dragged is not None:
             mine.dragged = None
             return {"RUNNING_MODAL"}
-        if place is None or event.type not in {"MOUSEMOVE", "LEFTMOUSE"}:
+        if place is None or not mine.dividers or event.type not in {"MOUSEMOVE", "LEFTMOUSE"}:
             return {"PASS_THROUGH"}
         if event.type == "LEFTMOUSE" and event.value == "PRESS":
             mine.dragged = int(np.argmin([abs(place[0] - at) for at in mine.dividers]))
@@ -449,16 +455,13 @@ def _comparison(context: Any, area: Any, target: Any) -> _Comparison:
     batch: dict[str, Any] = {name: values.astype(np.float32) for name, values in corners.items()}
     photo_title, plain, textured = map(iface, PARTS)
     titles = [photo_title, f"{plain}, {len(target.data.polygons):,} {iface('Faces')}", textured]
-    view = View.of(area, target)
     return _Comparison(
         area.as_pointer(),
         shader,
         batch_for_shader(shader, "TRIS", batch),
         textures,
         titles if "photo" in textures else titles[1:],
-        view.dividers(area)[0 if "photo" in textures else 1 :],
-        view,
-        (-0.5, 0.5),
+        [target.matrix_world @ Vector(corner) for corner in target.bound_box],
     )
 
 

@@ -86,13 +86,14 @@ def test_the_object_is_shown_in_the_middle_of_what_bars_and_pictures_leave(turne
     turned.matrix_world = Matrix.Translation(eye @ Vector((across, 0, -18))) @ Matrix.Scale(size, 4)
     bpy.context.view_layer.update()
 
+    ends = [turned.matrix_world @ Vector(corner) for corner in turned.bound_box]
+
     def places(moved):
         seen = moved @ view.perspective_matrix
-        ends = [turned.matrix_world @ Vector(corner) for corner in turned.bound_box]
         return np.array([seen_at(end, seen, (window.width, window.height)) for end in ends])
 
     left, low, right, high = room(area)
-    shown = View.of(area, turned)
+    shown = View.of(area, ends)
     found, before = places(shown.in_room(area)), places(Matrix())
     ends = found.min(axis=0), found.max(axis=0)
     np.testing.assert_allclose((ends[0] + ends[1]) / 2, ((left + right) / 2, (low + high) / 2), atol=1)
