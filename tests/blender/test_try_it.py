@@ -13,7 +13,7 @@ for_the_docs = pytest.mark.skipif(
 
 
 # Where the dividers of Before / After are at first, as shares of the width of viewport and tools.
-DIVIDERS = 0.485, 0.6175
+DIVIDERS = 0.5, 0.62
 
 
 def viewport(window: Window) -> np.ndarray:
