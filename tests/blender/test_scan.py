@@ -1,5 +1,6 @@
 """Scan, pressed with the mouse: from an empty scene, a mesh file and a photo become a lit, textured object."""
 
+import os
 import shutil
 
 from live import Window
@@ -100,7 +101,7 @@ def test_a_mesh_and_a_photo_become_a_lit_object_in_three_clicks(window, album, t
         done = window.wait(
             lambda state: not state["running"] and "MPS White Lamp" in state["objects"], "end of the scan"
         )
-        window.input("sleep", "6")
+        window.input("sleep", "20" if os.environ.get("MPSNET_SCREENSHOTS") else "1")  # for its shaders
     assert not any(done["errors"].values())
     assert {"MPS Alignment", "MPS Normals", "MPS statue"} <= set(done["images"])
     assert "MPS Normal" in done["nodes"] and "Slant" in done["found"]
