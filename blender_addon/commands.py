@@ -72,7 +72,7 @@ def main(argv: Sequence[str]) -> int:
         verb = options.pop("verb")
         if verb == "work":
             load_openimageio()
-            from .training.samples.worker import work
+            from .training.samples.render import work
 
             work(options["path"])
             return 0

@@ -17,17 +17,16 @@ from mpsnet_core.scene.camera import read_camera
 from .appearance.modifiers import FACES, remove_modifier, subdivide
 from .appearance.nodes import ensure_node, new_material
 from .appearance.shader_graph import output_of, shaders_of
-from .image_records import origin, remember, remembered
+from .image_records import Provenance, chosen, origin, remember, remembered, stamp
 from .images import image_file, load_image, picture_size
 from .operators.core_run import RunsCore
 from .outputs import requested_path
 from .photo.options import network, reading_without_mask, rig_and_camera_options
 from .photo.studio import FLAT_PLANE
 from .preferences import output_folder
-from .provenance import Provenance, chosen, stamp
 from .scene.surfaces import SURFACES, box_of
 from .settings.declared import apply_given_settings, options_of
-from .settings.material import MaterialSettings
+from .settings.estimate import MaterialSettings
 
 # Whether each texture is non-colour data.
 _IS_DATA = {"albedo": False, "normal": True, "height": True}

@@ -9,8 +9,7 @@ from ..appearance.displacement import remove_displacement, remove_object_normals
 from ..appearance.nodes import ALBEDO_NODE, GREEN_NODE, NORMAL_NODE, TEXTURE_NODE, UV_NODE, ensure_node, find_node
 from ..appearance.shader_graph import normal_inputs, shaders_of, way_in
 from ..image_records import remember
-from .texture_owners import store_owners
-from .texture_sets import AssignedTexture, ensure_own_materials
+from .texture_sets import AssignedTexture, ensure_own_materials, store_owners
 
 
 def assign_textures(

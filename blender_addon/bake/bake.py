@@ -1,7 +1,7 @@
 """The bake: the camera's normals become a texture on the target's UVs, which its material gets."""
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -10,26 +10,25 @@ import bpy
 
 from mpsnet_core.bake.operations import Bake
 from mpsnet_core.errors import GeometryError, InputError, Note, SettingsError
+from mpsnet_core.scene.camera import write_camera
 
-from ..image_records import remembered
+from ..image_records import Provenance, chosen, remembered, stamp
 from ..images import frame_pattern, image_file, load_frames, picture_size
 from ..outputs import FORMATS, output_frames
 from ..photo.camera import back_to_photo, camera_provenance, chosen_camera, lacks_camera, write_photo_camera
-from ..provenance import Provenance, chosen, stamp
 from ..rig.light_rig import rig_camera
 from ..rig.several_rigs import all_rigs
-from ..scene.mesh_file import begin_mesh
-from ..scene.objects import by_session_uid
+from ..scene.camera import scene_camera
+from ..scene.mesh_file import BegunMesh, Slices, begin_mesh
+from ..scene.objects import by_session_uid, view_layer
 from ..settings.bake import BakeSettings
 from ..settings.declared import apply_given_settings
-from .animated_mesh import CAMERAS, MESHES, AnimatedMesh
 from .assign_textures import assign_textures, mark_assets
 from .bake_operator import BakeOperator, bake_target, known_target, low_frequencies, target_provenance, texture_name
 from .base_maps import store_base_map
 from .coverage import coverage_folder
 from .gltf_export import export_notes
-from .texture_owners import FRAME
-from .texture_sets import AssignedTexture
+from .texture_sets import FRAME, AssignedTexture
 
 POOR_FIT = Note("the mesh fits the photo poorly; look at Align Photo, in Camera", level="stop")
 NO_CAMERA = "Where was the photo taken from? Press Align Photo in the step Photo, or choose the camera there"
@@ -206,3 +205,54 @@ class MPS_OT_bake(BakeOperator, BakeSettings, bpy.types.Operator):
         for sentence in assign_textures(assigned, self.space, self.convention, self._frames):
             self.tell(sentence)
         mark_assets(assigned, self.mark_asset)
+
+
+MESHES, CAMERAS = "mesh_######.npz", "camera_######.json"
+
+
+@dataclass(frozen=True)
+class AnimatedMesh:
+    """What to write for each frame."""
+
+    folder: Path
+    """For the files."""
+    scene: int
+    """Its session UID."""
+    target: int
+    """Session UID of the object."""
+    uv_map: str
+    """See :func:`.mesh_file.begin_mesh`."""
+    camera: int = 0
+    """Session UID of the camera to write, 0 for none."""
+    size: tuple[int, int] = (0, 0)
+    """Width and height of the camera's image in pixels."""
+
+    def begin(self, frames: range) -> BegunMesh:
+        """Read the first frame with :func:`.mesh_file.begin_mesh`, and raise as it does. The slices read the others."""
+        first = self._begin_frame(frames[0])
+        return replace(first, slices=self._slices(first.slices, frames[1:]))
+
+    def _slices(self, first: Slices, others: range) -> Slices:
+        yield from first
+        for number in others:
+            yield True  # Blender evaluates the scene without interruption
+            yield from self._begin_frame(number).slices
+
+    def _begin_frame(self, number: int) -> BegunMesh:
+        scene, target = by_session_uid(bpy.data.scenes, self.scene), by_session_uid(bpy.data.objects, self.target)
+        camera = by_session_uid(bpy.data.objects, self.camera) if self.camera else None
+        if scene is None or target is None or (self.camera and camera is None):
+            gone = "scene" if scene is None else "target" if target is None else "camera"
+            raise InputError(f"the {gone} was deleted before all frames were read; undo that, and bake again")
+        before = scene.frame_current, scene.frame_subframe
+        with bpy.context.temp_override(scene=scene, view_layer=view_layer(scene)):
+            scene.frame_set(number)
+            try:
+                mesh = self.folder / MESHES.replace("######", f"{number:06d}")
+                begun = begin_mesh(mesh, target, bpy.context.evaluated_depsgraph_get(), self.uv_map)
+                if camera is not None:
+                    file = self.folder / CAMERAS.replace("######", f"{number:06d}")
+                    write_camera(file, scene_camera(camera, scene, self.size))
+            finally:
+                scene.frame_set(before[0], subframe=before[1])
+        return begun

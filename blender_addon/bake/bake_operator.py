@@ -16,10 +16,9 @@ from mpsnet_core.scene.texture_names import albedo_file
 
 from ..appearance.shader_graph import normal_inputs, uses_nodes
 from ..child_process.core_process import Work
-from ..image_records import images_of, remember, remembered
+from ..image_records import Provenance, images_of, remember, remembered
 from ..operators.core_run import RunsCore
 from ..outputs import output_path, overruled_format, requested_folder
-from ..provenance import Provenance
 from ..scene.mesh_file import BegunMesh, begin_mesh, slot_labels
 from ..scene.objects import by_session_uid, check_in_scene, find_object, target_of
 from ..scene.surfaces import mesh_stamp
@@ -28,14 +27,16 @@ from .assign_textures import assign_albedo, assign_textures, mark_assets
 from .base_maps import base_map_files, maps_before_bake, store_base_map
 from .coverage import store_coverage
 from .gltf_export import export_notes
-from .texture_owners import files_for, refuse_other_projects, refuse_to_overwrite_other_objects
 from .texture_sets import (
     SPLITS,
     AssignedTexture,
     BakeTarget,
     Part,
+    files_for,
     load_textures,
+    refuse_other_projects,
     refuse_shared,
+    refuse_to_overwrite_other_objects,
     texture_of,
     with_tokens,
 )
@@ -77,7 +78,7 @@ class BakeOperator(RunsCore):
             raise
 
     def result_owners(self) -> dict[Path, list[Any]]:
-        """The files to write with their objects, for :func:`.texture_owners.refuse_to_overwrite_other_objects`."""
+        """The files to write with their objects, for :func:`.texture_sets.refuse_to_overwrite_other_objects`."""
         textures = files_for(self._bake_targets, self._output)
         return {**textures, **{albedo_file(file): owners for file, owners in textures.items() if self._coloured}}
 

@@ -14,17 +14,16 @@ from mpsnet_core.errors import InputError, SettingsError
 from mpsnet_core.scene.rig import in_world, write_rig, write_world_lights
 from mpsnet_core.scene.view_files import write_views
 
-from ..image_records import origin, remembered
+from ..image_records import Provenance, chosen, file_stamp, origin, remembered, rounded, stamp
 from ..images import image_file
 from ..openimageio import load_openimageio
 from ..outputs import file_name, requested_path, unique_name
 from ..photo.camera import chosen_camera, lens_stamp
 from ..photo.options import network, reading
-from ..provenance import Provenance, chosen, file_stamp, rounded, stamp
 from ..rig.light_rig import light_rig, lights_provenance, rig_camera
 from ..scene.camera import scene_camera
+from ..settings.bake import ViewsSettings
 from ..settings.declared import apply_given_settings, options_of
-from ..settings.views import ViewsSettings
 from .bake_operator import BakeOperator, known_target, low_frequencies, target_provenance
 from .coverage import coverage_folder
 from .texture_sets import without_tokens

@@ -18,7 +18,7 @@ from ..operators.reporting import ReportingOperator
 from ..rig.several_rigs import all_rigs
 from ..scene.objects import refuse_linked_scene
 from ..scene.surfaces import bounding_sphere
-from .overlays import add_overlay, baked_texture, remove_overlays
+from .coverage import add_overlay, baked_texture, remove_overlays
 
 TICK_SECONDS = 1 / 30
 SECONDS_A_TURN = 14.0

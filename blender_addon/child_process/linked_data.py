@@ -1,4 +1,4 @@
-"""Data that a scene uses from outside its .blend file, and whether a copy of the file in another folder finds it.
+"""A copy of the open file for another Blender, and whether it finds the data that a scene uses from outside the file.
 
 The open file has in memory what a copy must read again: libraries may have been moved or deleted since. A photo without
 their data would look correct.
@@ -14,6 +14,7 @@ import bpy
 
 from mpsnet_core.errors import FileError, Note
 
+from ..errors import operator_report
 from ..scene.objects import view_layer
 
 # --- libraries --------------------------------------------------------------------------------------------------------
@@ -145,3 +146,23 @@ def _folder_owners(modifier: Any) -> dict[int, tuple[Any, str]]:
         return {}
     own = {number: (bake, "directory") for number, bake in enumerate(modifier.bakes) if bake.use_custom_path}
     return {-1: (modifier, "bake_directory"), **own}
+
+
+def save_copy(path: Path, *, compress: bool, mend: str) -> None:
+    """Save a copy of the open file to `path`, without its preview, which takes longer to render than all the rest.
+
+    Raises InputError if the copy cannot be written. mend: advice in its message.
+    """
+    preferences = bpy.context.preferences
+    changed, preview = preferences.is_dirty, preferences.filepaths.file_preview_type
+    packing = bpy.data.use_autopack
+    try:
+        bpy.data.use_autopack = False  # it would also pack files in the open file, and fail if one is missing
+        preferences.filepaths.file_preview_type = "NONE"
+        bpy.ops.wm.save_as_mainfile(filepath=str(path), copy=True, compress=compress)
+    except RuntimeError as error:
+        raise FileError(f"cannot write {path} ({operator_report(error)}); {mend}") from None
+    finally:
+        bpy.data.use_autopack = packing
+        preferences.filepaths.file_preview_type = preview
+        preferences.is_dirty = changed  # otherwise Blender would save the preferences when it quits

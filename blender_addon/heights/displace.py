@@ -23,17 +23,21 @@ from ..appearance.modifiers import DISPLACE, keep_smoothness, move_by_modifier, 
 from ..appearance.nodes import NORMAL_NODE, TEXTURE_NODE, find_node, trees_of
 from ..appearance.shader_graph import output_of
 from ..bake.bake_operator import BakeOperator
-from ..bake.texture_owners import store_owners
-from ..bake.texture_sets import AssignedTexture, ensure_own_materials, keep_materials_to_itself, with_tokens
-from ..image_records import remembered
+from ..bake.texture_sets import (
+    AssignedTexture,
+    ensure_own_materials,
+    keep_materials_to_itself,
+    store_owners,
+    with_tokens,
+)
+from ..image_records import Provenance, chosen, remembered, stamp
 from ..images import image_file, load_image, load_tiles, tile_files
 from ..outputs import output_path, overruled_format
-from ..provenance import Provenance, chosen, stamp
 from ..scene.mesh_file import begin_mesh
 from ..scene.objects import by_session_uid
 from ..scene.surfaces import world_scale
 from ..settings.declared import apply_given_settings, options_of, round_as_typed
-from ..settings.displace import DisplaceSettings
+from ..settings.heights import DisplaceSettings
 
 # A relief lower than this, as a fraction of the object's size, hardly shows.
 _INVISIBLE = 2e-3

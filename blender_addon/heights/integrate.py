@@ -13,13 +13,12 @@ from mpsnet_core.relief.height_names import height_names
 from mpsnet_core.relief.operations import Integrate
 from mpsnet_core.scene.camera import read_camera
 
-from ..image_records import remembered
+from ..image_records import Provenance, chosen, remembered, stamp
 from ..images import image_file, load_image
 from ..operators.core_run import RunsCore
 from ..outputs import output_path, overruled_format
 from ..photo.align import mesh_of_photo
 from ..photo.options import seen_through
-from ..provenance import Provenance, chosen, stamp
 from ..rig.several_rigs import result_name, rig_at
 from ..scene.surfaces import middle_of
 from ..settings.declared import apply_given_settings, options_of, round_as_typed

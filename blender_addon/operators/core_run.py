@@ -14,8 +14,8 @@ from mpsnet_core.errors import FileError, Note
 from mpsnet_core.io.files import resolved, temporary_folder
 
 from ..child_process.core_process import CORE, CoreProcess, Program, Work, run
+from ..image_records import refuse_to_overwrite
 from ..outputs import is_permanent
-from ..provenance import refuse_to_overwrite
 from ..scene.mesh_file import Slices
 from .progress import Pace, cursor_progress, redraw_panels, time_left_text
 from .reporting import ReportingOperator, verb_of

@@ -13,8 +13,8 @@ from mpsnet_core.io.crash_log import describe_unexpected_error
 
 from ..child_process.core_process import CoreCrashed
 from ..errors import system_report
+from ..image_records import Provenance, store_provenance
 from ..images import fine_preview
-from ..provenance import Provenance, store_provenance
 from ..scene.objects import by_session_uid
 from ..settings.declared import StringSetting
 from ..settings.messages import in_blender

@@ -13,17 +13,17 @@ from mpsnet_core.errors import InputError
 from mpsnet_core.estimate.alignment.operation import Align, fit_in_words
 from mpsnet_core.scene.camera import FULL_FRAME, Camera, read_camera, write_camera
 
+from ..image_records import Provenance, stamp
 from ..images import image_file, load_image, picture_size
 from ..operators.core_run import RunsCore
 from ..outputs import output_path
-from ..provenance import Provenance, stamp
 from ..rig.several_rigs import result_name
 from ..scene.camera import scene_camera
 from ..scene.mesh_file import begin_mesh
 from ..scene.objects import by_session_uid, check_in_scene, find_object, target_of
 from ..scene.surfaces import middle_of
-from ..settings.align import AlignSettings
 from ..settings.declared import IntSetting, StringSetting, apply_given_settings, from_option, round_as_typed
+from ..settings.photo import AlignSettings
 from .camera import chosen_camera, is_real, take_pairs_along
 from .options import network, painted_mask, reading, rig_file_for, rig_path
 

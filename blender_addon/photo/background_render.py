@@ -32,7 +32,6 @@ from mpsnet_core.io.child_process import Parent, ParentGone, only_request
 from mpsnet_core.io.crash_log import describe_unexpected_error
 
 from ..child_process.core_process import Program, blender_command
-from ..child_process.file_copy import save_copy
 from ..child_process.linked_data import (
     BakeFolder,
     bake_folders,
@@ -40,6 +39,7 @@ from ..child_process.linked_data import (
     missing_links,
     name_bake_folders,
     refuse_lost_links,
+    save_copy,
 )
 from ..child_process.simulation_caches import simulations_write_into
 from ..child_process.trust import blocked_scripts_note, take_run_permission

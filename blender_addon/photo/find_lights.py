@@ -23,8 +23,8 @@ from ..outputs import file_name, is_permanent, requested_path
 from ..preferences import output_folder
 from ..rig.several_rigs import all_rigs, result_name, rig_at
 from ..scene.mesh_file import begin_mesh
-from ..settings.calibrate import CalibrateSettings
 from ..settings.declared import apply_given_settings, options_of
+from ..settings.photo import CalibrateSettings
 from .align import mesh_of_photo
 from .camera import lacks_photo_camera, write_photo_camera
 from .options import painted_mask, reading

@@ -11,10 +11,9 @@ from mpsnet_core.errors import GeometryError, SettingsError
 from mpsnet_core.estimate.operations import Estimate
 from mpsnet_core.scene.rig import read_rig, write_rig
 
-from ..image_records import remembered
+from ..image_records import made_by, remembered
 from ..images import paint_grey, pixels_of
 from ..preferences import preference
-from ..provenance import made_by
 from ..rig.light_rig import light_rig, rig_camera
 from ..scene.mesh_file import Slices, begin_mesh
 from ..scene.objects import check_in_scene

@@ -14,10 +14,10 @@ from numpy.typing import NDArray
 
 from mpsnet_core.capture.operations import FindMask
 
+from ..image_records import Provenance, stamp
 from ..images import image_file, paint_grey, pixels_of
 from ..operators.core_run import RunsCore
 from ..operators.show_image import show_image
-from ..provenance import Provenance, stamp
 from ..rig.several_rigs import rig_at
 from .options import painted_mask, reading
 

@@ -1,4 +1,7 @@
-"""The photo: rendered under the rig alone, opened from a file, or combined from three; and its true normals."""
+"""The photo: rendered under the rig alone, opened from a file, or combined from three; and its true normals.
+
+Before it is used, its exposure, lights and focus are checked.
+"""
 
 import hashlib
 import os
@@ -9,30 +12,29 @@ from typing import Any
 import bpy
 from bpy.props import StringProperty
 
-from mpsnet_core.capture.operations import Superpose
+from mpsnet_core.capture.operations import Check, Superpose
 from mpsnet_core.errors import InputError
 from mpsnet_core.io.files import HEIF_SUFFIXES, IMAGE_SUFFIXES, PHOTO_SUFFIXES, RAW_SUFFIXES, VIDEO_SUFFIXES
 
 from ..child_process.core_process import Program, Work, run
 from ..child_process.linked_data import not_found
 from ..child_process.trust import blocked_scripts_note
-from ..image_records import origin, read_sidecar, remember
-from ..images import frame_pattern, load_photo
+from ..image_records import Provenance, chosen, file_stamp, origin, read_sidecar, remember, rounded
+from ..images import frame_pattern, image_file, load_photo
 from ..openimageio import load_openimageio
 from ..operators.choose_file import remember_folder, start_folder
 from ..operators.core_run import RunsCore
 from ..operators.progress import cursor_progress
 from ..operators.reporting import ReportingOperator
 from ..outputs import output_frames, output_path, render_path
-from ..provenance import Provenance, chosen, file_stamp, rounded
 from ..rig.light_rig import light_rig, lights_provenance, rig_camera
 from ..rig.several_rigs import OnEachRig, result_name, rig_at
 from ..scene.objects import find_object
 from ..settings.declared import BoolSetting, FileSetting, StringSetting, apply_given_settings, options_of
-from ..settings.photo import PhotoSettings
-from ..settings.superpose import SuperposeSettings
+from ..settings.photo import PhotoSettings, SuperposeSettings
 from .background_render import rendering_blender, written_job
 from .camera import PLACES, places_of
+from .options import reading, rig_file_for, rig_path
 from .studio import RenderKind, objects_in_photo, render, scene_facts, white_of
 
 _LIGHTS = ("first", "second", "third")
@@ -280,3 +282,26 @@ class MPS_OT_render_truth(_Renders, bpy.types.Operator):
         result_is = f"its true normals are in {result['output']}"
         rig_at(self.scene(result_is), self._rig_place, result_is).photo.truth = result["output"]
         self.tell(f"True normals written to {result['output']}")
+
+
+_VERDICTS = {"good": "The photo is good", "watch": "The photo can be used", "bad": "The photo should be taken again"}
+
+
+class MPS_OT_check_photo(RunsCore, bpy.types.Operator):
+    """Say whether the photo is exposed and focused well, and what its lights reach, before it is used"""
+
+    bl_idname = "mps.check_photo"
+    bl_label = "Check Photo"
+    requires = "photo"
+
+    def prepare(self, context: Any, folder: Path) -> tuple[Check, Sequence[Path]]:
+        scene = context.scene
+        image = scene.mps.photo.image
+        if image.source == "MOVIE":
+            raise InputError("a video is not checked as a whole; open one of its frames as a picture")
+        photo = image_file(image, "photo", "render or open one first")
+        rig = rig_path(scene, image, folder, rig_file_for(image, scene.mps.estimate))
+        return Check(image=str(photo), rig=rig, **reading(scene.mps.estimate)), []
+
+    def finish(self, context: Any, result: dict[str, Any]) -> None:
+        self.tell(_VERDICTS[result["level"]])

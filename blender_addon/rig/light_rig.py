@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from mpsnet_core.errors import InputError
 from mpsnet_core.scene.rig import LightRig, near_rig
 
-from ..provenance import Provenance, rounded
+from ..image_records import Provenance, rounded
 from ..scene.objects import view_layer
 
 COLOURS = {"Red": (1.0, 0.0, 0.0), "Green": (0.0, 1.0, 0.0), "Blue": (0.0, 0.0, 1.0)}

@@ -23,7 +23,7 @@ from mpsnet_core.synthesis.job import (
 )
 from mpsnet_core.synthesis.operations import MakeSamples, Synthesize
 
-from ..child_process.file_copy import save_copy
+from ..child_process.linked_data import save_copy
 from ..child_process.trust import python_drivers
 from ..images import fine_preview, load_image
 from ..operators.core_run import RunsCore

@@ -7,7 +7,7 @@ import bpy
 import numpy as np
 import pytest
 
-from blender_addon.bake.animated_mesh import AnimatedMesh
+from blender_addon.bake.bake import AnimatedMesh
 from blender_addon.scene.mesh_file import begin_mesh
 from blender_addon.settings.record import notes_of
 from mpsnet_core import InputError, published_rig, read_camera, read_image, read_normals, write_image, write_rig
