@@ -23,7 +23,6 @@ from .openimageio import load_openimageio
 from .operators import progress, reporting
 from .operators.reporting import CANCELLED
 from .photo.background_render import render_job
-from .rig.several_rigs import all_rigs
 from .scene.objects import find_object, refuse_unselectable
 from .settings.record import result_of
 
@@ -149,7 +148,7 @@ def _result(verb: str, *, every_rig: bool) -> dict[str, Any]:
     """What a verb made: what there is to say of it and "written", the files of all rigs if it worked with every rig."""
     verbs = _PARTS.get(verb, (verb,))
     mps = bpy.context.scene.mps
-    places = [*(all_rigs(bpy.context.scene) if every_rig else ()), mps]
+    places = [*(mps.every_rig if every_rig else ()), mps]
     results = [result_of(one, step) for step in verbs for one in places]
     files = [file for result in results for file in result.get("written", [])]
     return {**next(filter(None, results), {}), "written": list(dict.fromkeys(files))}

@@ -17,7 +17,7 @@ from mpsnet_core.scene.camera import read_camera
 from .appearance.modifiers import FACES, remove_modifier, subdivide
 from .appearance.nodes import ensure_node, new_material
 from .appearance.shader_graph import output_of, shaders_of
-from .image_records import Provenance, chosen, origin, remember, remembered, stamp
+from .image_records import Provenance, chosen, origin, remember, remembered
 from .images import image_file, load_image, picture_size
 from .operators.core_run import RunsCore
 from .outputs import requested_path
@@ -25,7 +25,7 @@ from .photo.options import network, reading_without_mask, rig_and_camera_options
 from .photo.studio import FLAT_PLANE
 from .preferences import output_folder
 from .scene.surfaces import SURFACES, box_of
-from .settings.declared import apply_given_settings, options_of
+from .settings.declared import options_of
 from .settings.estimate import MaterialSettings
 
 # Whether each texture is non-colour data.
@@ -45,20 +45,15 @@ class MPS_OT_make_material(RunsCore, MaterialSettings, bpy.types.Operator):
 
     bl_idname = "mps.make_material"
     bl_label = "Make Flat Material"
-    requires = "photo"
+    requires, step = "photo", "material"
 
     @classmethod
     def provenance(cls, context: Any) -> Provenance:
-        scene = context.scene.mps
-        return {
-            "Photo": stamp(scene.photo.image),
-            **chosen(scene.material, without=("output",)),
-            **chosen(scene.estimate, only=("encoding", "dark", "flat", "rig_file", "lens")),
-        }
+        read = chosen(context.scene.mps.estimate, only=("encoding", "dark", "flat", "rig_file", "lens"))
+        return {**super().provenance(context), **read}
 
     def prepare(self, context: Any, folder: Path) -> tuple[MakeMaterial, Sequence[Path]]:
         scene = context.scene
-        apply_given_settings(self, scene.mps.material)
         image = scene.mps.photo.image
         if image.source in {"SEQUENCE", "MOVIE"}:
             raise InputError("a flat material is made of one photo, and this is a sequence; open one of its frames")
@@ -122,8 +117,7 @@ class MPS_OT_make_material(RunsCore, MaterialSettings, bpy.types.Operator):
             remove_modifier(plane, FACES)
         elif FACES not in plane.modifiers:  # otherwise the user may have reduced the levels
             subdivide(plane, "SIMPLE", _SHOWN_LEVELS, _RENDERED_LEVELS, FACES)
-        settings.image = preview = load_image(files["preview"], f"{name} preview", is_data=False)
-        self.made(preview)
+        settings.image = self.loaded(files["preview"], f"{name} preview", is_data=False)
         settings.summary = (
             f"{made['width_mm']:.4g} x {made['height_mm']:.4g} mm, {result['relief_mm']:.3g} mm deep. "
             f"Seam {result['seam']:.2f}, where 1 is none"

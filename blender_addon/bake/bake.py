@@ -16,13 +16,11 @@ from ..image_records import Provenance, chosen, remembered, stamp
 from ..images import frame_pattern, image_file, load_frames, picture_size
 from ..outputs import FORMATS, output_frames
 from ..photo.camera import back_to_photo, camera_provenance, chosen_camera, lacks_camera, write_photo_camera
-from ..rig.light_rig import rig_camera
-from ..rig.several_rigs import all_rigs
+from ..rig.rig import rig_camera
 from ..scene.camera import scene_camera
 from ..scene.mesh_file import BegunMesh, Slices, begin_mesh
 from ..scene.objects import by_session_uid, view_layer
 from ..settings.bake import BakeSettings
-from ..settings.declared import apply_given_settings
 from .assign_textures import assign_textures, mark_assets
 from .bake_operator import BakeOperator, bake_target, known_target, low_frequencies, target_provenance, texture_name
 from .base_maps import store_base_map
@@ -39,6 +37,7 @@ class MPS_OT_bake(BakeOperator, BakeSettings, bpy.types.Operator):
 
     bl_idname = "mps.bake"
     bl_label = "Bake Texture"
+    step = "bake"
 
     @classmethod
     def lacks(cls, context: Any) -> str:
@@ -51,7 +50,7 @@ class MPS_OT_bake(BakeOperator, BakeSettings, bpy.types.Operator):
     def provenance(cls, context: Any) -> Provenance:
         settings, image = context.scene.mps.bake, context.scene.mps.estimate.image
         target = None if image is not None and image.source == "SEQUENCE" else known_target(settings)
-        every = all_rigs(context.scene) if settings.all_rigs else [context.scene.mps]
+        every = context.scene.mps.every_rig if settings.all_rigs else [context.scene.mps]
         stamps = ", ".join(stamp(one.estimate.image) for one in every)
         return {
             "Normals": stamps,
@@ -62,7 +61,6 @@ class MPS_OT_bake(BakeOperator, BakeSettings, bpy.types.Operator):
 
     def prepare(self, context: Any, folder: Path) -> tuple[Bake, Sequence[Path]]:
         scene = context.scene
-        apply_given_settings(self, scene.mps.bake)
         normals_image = scene.mps.estimate.image
         normals = image_file(normals_image, "normal map", "estimate the normals first")
         self._frames = range(0)
@@ -145,7 +143,7 @@ class MPS_OT_bake(BakeOperator, BakeSettings, bpy.types.Operator):
         """The scene's other rigs that have normals. A note names those without."""
         if self._frames:
             raise SettingsError("sequences are baked for one rig at a time; switch All Rigs off")
-        others = [one for one in all_rigs(scene) if one != scene.mps.chosen]
+        others = [one for one in scene.mps.every_rig if one != scene.mps.chosen]
         without = ", ".join(f'"{one.name}"' for one in others if one.estimate.image is None)
         if without:
             self._notes = [*self._notes, Note("Rigs without normals are left out: %s", without, level="look")]

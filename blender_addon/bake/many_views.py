@@ -20,10 +20,10 @@ from ..openimageio import load_openimageio
 from ..outputs import file_name, requested_path, unique_name
 from ..photo.camera import chosen_camera, lens_stamp
 from ..photo.options import network, reading
-from ..rig.light_rig import light_rig, lights_provenance, rig_camera
+from ..rig.rig import light_rig, lights_provenance, rig_camera
 from ..scene.camera import scene_camera
 from ..settings.bake import ViewsSettings
-from ..settings.declared import apply_given_settings, options_of
+from ..settings.declared import options_of
 from .bake_operator import BakeOperator, known_target, low_frequencies, target_provenance
 from .coverage import coverage_folder
 from .texture_sets import without_tokens
@@ -40,6 +40,7 @@ class MPS_OT_bake_views(BakeOperator, ViewsSettings, bpy.types.Operator):
 
     bl_idname = "mps.bake_views"
     bl_label = "Bake Views"
+    step = "views"
 
     @classmethod
     def provenance(cls, context: Any) -> Provenance:
@@ -65,7 +66,6 @@ class MPS_OT_bake_views(BakeOperator, ViewsSettings, bpy.types.Operator):
 
     def prepare(self, context: Any, folder: Path) -> tuple[BakeViews, Sequence[Path]]:
         scene = context.scene
-        apply_given_settings(self, scene.mps.views)
         bake, estimate = scene.mps.bake, scene.mps.estimate
         targets = self.baked_objects(context)
         self._output = output = self.texture_file(context, targets)

@@ -15,7 +15,6 @@ from ..appearance.nodes import ALBEDO_NODE, find_node
 from ..appearance.shader_graph import shaders_of
 from ..image_records import from_json
 from ..operators.reporting import ReportingOperator
-from ..rig.several_rigs import all_rigs
 from ..scene.objects import refuse_linked_scene
 from ..scene.surfaces import bounding_sphere
 from .coverage import add_overlay, baked_texture, remove_overlays
@@ -85,7 +84,7 @@ def _begin(context: Any, centre: Vector, radius: float) -> None:
         _show_neutral(context)
     layer = context.view_layer
     settings.view_layer = layer.name
-    for light in (light.object for one in all_rigs(scene) for light in one.rig.lights):
+    for light in (light.object for one in scene.mps.every_rig for light in one.rig.lights):
         if light is not None and light.name in layer.objects and not light.hide_get():
             light.hide_set(True)
             settings.hidden.add().object = light

@@ -22,10 +22,10 @@ from ..operators.core_run import RunsCore
 from ..outputs import FORMATS, output_frames, output_path, overruled_format
 from ..photo.camera import PLACES, chosen_camera, is_real, lens_stamp
 from ..photo.options import network, painted_mask, reading, rig_and_camera_options, rig_file_for
-from ..rig.light_rig import lights_provenance
-from ..rig.several_rigs import OnEachRig, result_name, rig_at
+from ..rig.rig import lights_provenance
+from ..rig.several_rigs import OnEachRig, result_name
 from ..scene.objects import by_session_uid, find_object
-from ..settings.declared import StringSetting, apply_given_settings, options_of
+from ..settings.declared import StringSetting, options_of
 from ..settings.estimate import EstimateSettings
 
 
@@ -57,11 +57,9 @@ class MPS_OT_estimate(OnEachRig, EstimateSettings, bpy.types.Operator):
 
     def prepare(self, context: Any, folder: Path) -> tuple[Estimate, Sequence[Path]]:
         scene = context.scene
-        named = self.properties.is_property_set("rig_file")
-        apply_given_settings(self, scene.mps.estimate)
         image = scene.mps.photo.image
         photo = image_file(image, "photo", "render or open one first")
-        rig_file = self.rig_file if named else rig_file_for(image, scene.mps.estimate)
+        rig_file = self.rig_file if "rig_file" in self._given else rig_file_for(image, scene.mps.estimate)
         self._moves = moves = image.source in {"SEQUENCE", "MOVIE"}
         if image.source == "SEQUENCE":
             photo = frame_pattern(photo)
@@ -112,8 +110,7 @@ class MPS_OT_estimate(OnEachRig, EstimateSettings, bpy.types.Operator):
         return None if self._moves else str(self._output.with_name(name))
 
     def finish(self, context: Any, result: dict[str, Any]) -> None:
-        result_is = f"its normals are in {self._output}"
-        estimate = rig_at(self.scene(result_is), self._rig_place, result_is).estimate
+        estimate = self.rig(f"its normals are in {self._output}").estimate
         if self._moves:
             image = load_frames(Path(result["first_output"]), "MPS Normals Frames")
             estimate.first_frame, estimate.last_frame = result["first"], result["last"]
@@ -128,8 +125,7 @@ class MPS_OT_estimate(OnEachRig, EstimateSettings, bpy.types.Operator):
         estimate.image = image
         estimate.albedo_image = None
         if "albedo" in result:
-            estimate.albedo_image = load_image(Path(result["albedo"]), "MPS Albedo", is_data=False)
-            self.made(estimate.albedo_image)
+            estimate.albedo_image = self.loaded(Path(result["albedo"]), "MPS Albedo", is_data=False)
         self.tell(f"Normals written to {self._output}")
 
 
@@ -156,7 +152,7 @@ class MPS_OT_show_mask(RunsCore, EstimateSettings, bpy.types.Operator):
 
     bl_idname = "mps.show_mask"
     bl_label = "Show Mask"
-    requires = "photo"
+    requires, step = "photo", "estimate"
 
     @classmethod
     def provenance(cls, context: Any) -> Provenance:
@@ -166,7 +162,6 @@ class MPS_OT_show_mask(RunsCore, EstimateSettings, bpy.types.Operator):
 
     def prepare(self, context: Any, folder: Path) -> tuple[FindMask, Sequence[Path]]:
         scene = context.scene
-        apply_given_settings(self, scene.mps.estimate)
         photo = image_file(scene.mps.photo.image, "photo", "render or open one first")
         mask = output_path("", result_name(scene, "mask"), "PNG")
         self._overlay = mask.with_name(f"{mask.stem}_shown.png")
@@ -175,10 +170,8 @@ class MPS_OT_show_mask(RunsCore, EstimateSettings, bpy.types.Operator):
         return operation, [mask, self._overlay]
 
     def finish(self, context: Any, result: dict[str, Any]) -> None:
-        result_is = f"its mask is in {result['output']}"
-        estimate = rig_at(self.scene(result_is), self._rig_place, result_is).estimate
-        estimate.mask_image = image = load_image(self._overlay, "MPS Mask", is_data=False)
-        self.made(image)
+        estimate = self.rig(f"its mask is in {result['output']}").estimate
+        estimate.mask_image = self.loaded(self._overlay, "MPS Mask", is_data=False)
         self.tell(f"The object covers {result['share']:.1%} of the photo; mask written to {result['output']}")
 
 
@@ -199,8 +192,7 @@ class MPS_OT_error_map(RunsCore, bpy.types.Operator):
 
     @classmethod
     def provenance(cls, context: Any) -> Provenance:
-        mps = context.scene.mps
-        return {"Normals": stamp(mps.estimate.image), "True Normals": file_stamp(mps.photo.truth)}
+        return {**super().provenance(context), "True Normals": file_stamp(context.scene.mps.photo.truth)}
 
     def prepare(self, context: Any, folder: Path) -> tuple[CompareNormals, Sequence[Path]]:
         scene = context.scene
@@ -235,7 +227,5 @@ class MPS_OT_error_map(RunsCore, bpy.types.Operator):
         return [Note("mean error %.2f°, median %.2f°", result["mean"], result["median"])]
 
     def finish(self, context: Any, result: dict[str, Any]) -> None:
-        result_is = f"its error map is in {self._output}"
-        estimate = rig_at(self.scene(result_is), self._rig_place, result_is).estimate
-        estimate.error_image = image = load_image(self._output, "MPS Errors", is_data=False)
-        self.made(image)
+        estimate = self.rig(f"its error map is in {self._output}").estimate
+        estimate.error_image = self.loaded(self._output, "MPS Errors", is_data=False)

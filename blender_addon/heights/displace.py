@@ -36,7 +36,7 @@ from ..outputs import output_path, overruled_format
 from ..scene.mesh_file import begin_mesh
 from ..scene.objects import by_session_uid
 from ..scene.surfaces import world_scale
-from ..settings.declared import apply_given_settings, options_of, round_as_typed
+from ..settings.declared import options_of, round_as_typed
 from ..settings.heights import DisplaceSettings
 
 # A relief lower than this, as a fraction of the object's size, hardly shows.
@@ -60,7 +60,7 @@ class MPS_OT_displace(BakeOperator, DisplaceSettings, bpy.types.Operator):
 
     bl_idname = "mps.displace"
     bl_label = "Displace Object"
-    requires = "bake"
+    requires, step = "bake", "displace"
 
     @classmethod
     def provenance(cls, context: Any) -> Provenance:
@@ -72,8 +72,6 @@ class MPS_OT_displace(BakeOperator, DisplaceSettings, bpy.types.Operator):
 
     def prepare(self, context: Any, folder: Path) -> tuple[Integrate, Sequence[Path]]:
         bake = context.scene.mps.bake
-        given = any(self.properties.is_property_set(name) for name in ("levels", "scale"))
-        apply_given_settings(self, context.scene.mps.displace)
         target = self.baked_object(context)
         image = _texture_of(target) or bake.image
         if image.source == "SEQUENCE":
@@ -86,7 +84,7 @@ class MPS_OT_displace(BakeOperator, DisplaceSettings, bpy.types.Operator):
         self._normals: Path | None = None
         self._notes = overruled_format(self._output, context.scene.mps.displace)
         self._size = world_scale(target)
-        if self.automatic and not given:
+        if self.automatic and not self._given & {"levels", "scale"}:
             self.levels, self.scale = _suited(target, max(image.size))
             if self.method == "MATERIAL":  # renders bumps between the vertices; facets show more in finer shadows
                 self.levels = min(self.levels, _MATERIAL_LEVELS)

@@ -13,15 +13,15 @@ from mpsnet_core.relief.height_names import height_names
 from mpsnet_core.relief.operations import Integrate
 from mpsnet_core.scene.camera import read_camera
 
-from ..image_records import Provenance, chosen, remembered, stamp
+from ..image_records import remembered
 from ..images import image_file, load_image
 from ..operators.core_run import RunsCore
 from ..outputs import output_path, overruled_format
 from ..photo.align import mesh_of_photo
 from ..photo.options import seen_through
-from ..rig.several_rigs import result_name, rig_at
+from ..rig.several_rigs import result_name
 from ..scene.surfaces import middle_of
-from ..settings.declared import apply_given_settings, options_of, round_as_typed
+from ..settings.declared import options_of, round_as_typed
 from ..settings.heights import HeightsSettings
 
 PICTURES = {"curvature": "Curvature", "occlusion": "Ambient Occlusion", "relit": "Relit"}
@@ -32,16 +32,10 @@ class MPS_OT_integrate(RunsCore, HeightsSettings, bpy.types.Operator):
 
     bl_idname = "mps.integrate"
     bl_label = "Make Height"
-    requires = "estimate"
-
-    @classmethod
-    def provenance(cls, context: Any) -> Provenance:
-        scene = context.scene.mps
-        return {"Normals": stamp(scene.estimate.image), **chosen(scene.heights)}
+    requires, step = "estimate", "heights"
 
     def prepare(self, context: Any, folder: Path) -> tuple[Integrate, Sequence[Path]]:
         scene = context.scene
-        apply_given_settings(self, scene.mps.heights)
         image = scene.mps.estimate.image
         if image.source == "SEQUENCE":
             raise InputError("the normals are a sequence, and heights are made of one photo's; estimate one photo")
@@ -91,11 +85,8 @@ class MPS_OT_integrate(RunsCore, HeightsSettings, bpy.types.Operator):
 
     def finish(self, context: Any, result: dict[str, Any]) -> None:
         result_is = f"its heights are in {self._output}"
-        scene = self.scene(result_is)
-        estimate = rig_at(scene, self._rig_place, result_is).estimate
-        image = load_image(self._output, "MPS Height", is_data=True)
-        self.made(image, stretched=True)
-        scene.mps.heights.image = image
+        scene, estimate = self.scene(result_is), self.rig(result_is).estimate
+        scene.mps.heights.image = self.loaded(self._output, "MPS Height", is_data=True, stretched=True)
         for what, picture in self._pictures.items():
             shown = load_image(picture, f"MPS {PICTURES[what]}", is_data=what != "relit")
             shown.use_fake_user = True  # it has no other user when the file is saved

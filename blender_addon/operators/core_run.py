@@ -17,6 +17,7 @@ from ..child_process.core_process import CORE, CoreProcess, Program, Work, run
 from ..image_records import refuse_to_overwrite
 from ..outputs import is_permanent
 from ..scene.mesh_file import Slices
+from ..settings.declared import apply_given_settings
 from .progress import Pace, cursor_progress, redraw_panels, time_left_text
 from .reporting import ReportingOperator, verb_of
 
@@ -116,6 +117,11 @@ class RunsCore(ReportingOperator):
         """Called by `prepare` to schedule long work, which is done slice by slice before the core starts."""
         self._slices.append(slices)
 
+    def take_settings(self, context: Any) -> None:
+        """Take the settings of the operator's step from the scene, and store there what was given."""
+        if self.step:
+            apply_given_settings(self, getattr(context.scene.mps, self.step))
+
     def program(self, folder: Path) -> Program:
         """The program that does the work that `prepare` returned, in the background. folder: that of `prepare`."""
         return CORE
@@ -157,6 +163,7 @@ class RunsCore(ReportingOperator):
         self._finished(context, result)
 
     def _prepared(self, context: Any, folder: Path) -> tuple[Work, Sequence[Path]]:
+        self.take_settings(context)
         work, outputs = self.prepare(context, folder)
         self.check_outputs(outputs)
         self._made_from = self.provenance(context)

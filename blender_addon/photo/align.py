@@ -14,7 +14,7 @@ from mpsnet_core.estimate.alignment.operation import Align, fit_in_words
 from mpsnet_core.scene.camera import FULL_FRAME, Camera, read_camera, write_camera
 
 from ..image_records import Provenance, stamp
-from ..images import image_file, load_image, picture_size
+from ..images import image_file, picture_size
 from ..operators.core_run import RunsCore
 from ..outputs import output_path
 from ..rig.several_rigs import result_name
@@ -22,7 +22,7 @@ from ..scene.camera import scene_camera
 from ..scene.mesh_file import begin_mesh
 from ..scene.objects import by_session_uid, check_in_scene, find_object, target_of
 from ..scene.surfaces import middle_of
-from ..settings.declared import IntSetting, StringSetting, apply_given_settings, from_option, round_as_typed
+from ..settings.declared import IntSetting, StringSetting, from_option, round_as_typed
 from ..settings.photo import AlignSettings
 from .camera import chosen_camera, is_real, take_pairs_along
 from .options import network, painted_mask, reading, rig_file_for, rig_path
@@ -38,6 +38,7 @@ class MPS_OT_align_photo(RunsCore, AlignSettings, bpy.types.Operator):
 
     bl_idname = "mps.align_photo"
     bl_label = "Align Photo"
+    step = "align"
 
     target: StringSetting(
         "Target", "Name of the mesh object that the photo shows. Empty: the target of the bake, else the active one"
@@ -64,7 +65,6 @@ class MPS_OT_align_photo(RunsCore, AlignSettings, bpy.types.Operator):
 
     def prepare(self, context: Any, folder: Path) -> tuple[Align, Sequence[Path]]:
         scene = context.scene
-        apply_given_settings(self, scene.mps.align)
         photo, estimate = scene.mps.photo.image, scene.mps.estimate
         file = image_file(photo, "photo", "open it again")
         if photo.source == "MOVIE":
@@ -140,8 +140,7 @@ class MPS_OT_align_photo(RunsCore, AlignSettings, bpy.types.Operator):
             self.note(fit)
         for pair, residual in zip(photo.mps.pairs, result.get("residuals") or (), strict=False):
             pair.residual = residual
-        scene.mps.align.image = overlay = load_image(self._overlay, "MPS Alignment", is_data=False)
-        self.made(overlay)
+        scene.mps.align.image = self.loaded(self._overlay, "MPS Alignment", is_data=False)
         self.tell(f'Camera "{camera.name}": {photo.mps.fit}', "WARNING" if photo.mps.poor else "INFO")
 
 

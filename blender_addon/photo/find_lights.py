@@ -17,11 +17,11 @@ from mpsnet_core.estimate.lights.operation import CalibratePhoto
 from mpsnet_core.operation import Operation
 
 from ..image_records import from_json
-from ..images import frame_pattern, image_file, load_image
+from ..images import frame_pattern, image_file
 from ..operators.core_run import RunsCore, idle
 from ..outputs import file_name, is_permanent, requested_path
 from ..preferences import output_folder
-from ..rig.several_rigs import all_rigs, result_name, rig_at
+from ..rig.several_rigs import result_name
 from ..scene.mesh_file import begin_mesh
 from ..settings.declared import apply_given_settings, options_of
 from ..settings.photo import CalibrateSettings
@@ -71,12 +71,8 @@ class _Calibrates(RunsCore, CalibrateSettings):
         Rows with only two cells are shown as separate lines below the table.
         """
         result_is = f"the rig is in {self._rig}"
-        scene = self.scene(result_is)
-        estimate = rig_at(scene, self._rig_place, result_is).estimate
-        settings = scene.mps.calibrate
-        settings.image = image = load_image(self._overlay, _OVERLAY, is_data=False) if self._overlay else None
-        if image is not None:
-            self.made(image)
+        estimate, settings = self.rig(result_is).estimate, self.scene(result_is).mps.calibrate
+        settings.image = self.loaded(self._overlay, _OVERLAY, is_data=False) if self._overlay else None
         settings.summary = "\n".join("|".join(row) for row in table)
         estimate.rig_file = str(self._rig)
         if from_ball(self) and self.lens and not estimate.lens:
@@ -206,7 +202,7 @@ def _photo(path: str, what: str) -> str:
 @persistent
 def _write_kept_rigs(*_: Any) -> None:
     """Write the rig files that the open .blend file keeps, as those that they are copies of go with a Blender."""
-    estimates = (one.estimate for scene in bpy.data.scenes if not scene.library for one in all_rigs(scene))
+    estimates = (one.estimate for scene in bpy.data.scenes if not scene.library for one in scene.mps.every_rig)
     for estimate in estimates:
         file, text = [*from_json(estimate.kept_rig, list), None, None][:2]
         if not isinstance(text, str) or file != estimate.rig_file:

@@ -14,7 +14,7 @@ from mpsnet_core.scene.rig import read_rig, write_rig
 from ..image_records import made_by, remembered
 from ..images import paint_grey, pixels_of
 from ..preferences import preference
-from ..rig.light_rig import light_rig, rig_camera
+from ..rig.rig import light_rig, rig_camera
 from ..scene.mesh_file import Slices, begin_mesh
 from ..scene.objects import check_in_scene
 from ..settings.declared import identifier, options_of, round_as_typed

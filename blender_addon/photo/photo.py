@@ -27,10 +27,10 @@ from ..operators.core_run import RunsCore
 from ..operators.progress import cursor_progress
 from ..operators.reporting import ReportingOperator
 from ..outputs import output_frames, output_path, render_path
-from ..rig.light_rig import light_rig, lights_provenance, rig_camera
-from ..rig.several_rigs import OnEachRig, result_name, rig_at
+from ..rig.rig import light_rig, lights_provenance, rig_camera
+from ..rig.several_rigs import OnEachRig, result_name
 from ..scene.objects import find_object
-from ..settings.declared import BoolSetting, FileSetting, StringSetting, apply_given_settings, options_of
+from ..settings.declared import BoolSetting, FileSetting, StringSetting, options_of
 from ..settings.photo import PhotoSettings, SuperposeSettings
 from .background_render import rendering_blender, written_job
 from .camera import PLACES, places_of
@@ -83,6 +83,7 @@ class _Renders(RunsCore):
         return rendering_blender(folder)
 
     def run_here(self, context: Any) -> None:
+        self.take_settings(context)
         what, output = self._destination(context.scene)
         self.check_outputs([output])
         self._notes = not_found(context.scene)
@@ -109,7 +110,6 @@ class MPS_OT_render_photo(OnEachRig, _Renders, PhotoSettings, bpy.types.Operator
         return {**_drawn(context.scene), **chosen(context.scene.mps.photo)}
 
     def destination(self, scene: Any) -> tuple[RenderKind, Path]:
-        apply_given_settings(self, scene.mps.photo)
         self._moves = self.animation
         self._places = None if self._moves else places_of(objects_in_photo(scene))
         if self._moves:
@@ -117,8 +117,7 @@ class MPS_OT_render_photo(OnEachRig, _Renders, PhotoSettings, bpy.types.Operator
         return "photo", render_path(output_path(self.output, result_name(scene, "photo"), "EXR"))
 
     def finish(self, context: Any, result: dict[str, Any]) -> None:
-        result_is = f"its photo is in {result['output']}"
-        rig = rig_at(self.scene(result_is), self._rig_place, result_is)
+        rig = self.rig(f"its photo is in {result['output']}")
         image = load_photo(Path(result["output"]), "MPS Photo Frames" if self._moves else "MPS Photo")
         remember(image, PLACES, self._places)
         _set_photo(rig, image)
@@ -194,6 +193,7 @@ class MPS_OT_superpose(RunsCore, SuperposeSettings, bpy.types.Operator):
 
     bl_idname = "mps.superpose"
     bl_label = "Make One Photo"
+    step = "superpose"
 
     @classmethod
     def provenance(cls, context: Any) -> Provenance:
@@ -203,7 +203,6 @@ class MPS_OT_superpose(RunsCore, SuperposeSettings, bpy.types.Operator):
 
     def prepare(self, context: Any, folder: Path) -> tuple[Superpose, Sequence[Path]]:
         scene = context.scene
-        apply_given_settings(self, scene.mps.superpose)
         photos = [getattr(self, name) for name in _LIGHTS]
         for name, photo in zip(_LIGHTS, photos, strict=True):
             if not photo:
@@ -215,8 +214,7 @@ class MPS_OT_superpose(RunsCore, SuperposeSettings, bpy.types.Operator):
 
     def finish(self, context: Any, result: dict[str, Any]) -> None:
         photo = Path(result["output"])
-        result_is = f"its photo is in {photo}"
-        rig = rig_at(self.scene(result_is), self._rig_place, result_is)
+        rig = self.rig(f"its photo is in {photo}")
         image = load_photo(photo, photo.stem)
         self.made(image)
         rig.estimate.encoding = "AUTO"  # the setting was for the three photos; this file states its own
@@ -279,8 +277,7 @@ class MPS_OT_render_truth(_Renders, bpy.types.Operator):
         return "normals", render_path(output_path(self.output, result_name(scene, "true_normals"), "EXR"))
 
     def finish(self, context: Any, result: dict[str, Any]) -> None:
-        result_is = f"its true normals are in {result['output']}"
-        rig_at(self.scene(result_is), self._rig_place, result_is).photo.truth = result["output"]
+        self.rig(f"its true normals are in {result['output']}").photo.truth = result["output"]
         self.tell(f"True normals written to {result['output']}")
 
 

@@ -23,7 +23,7 @@ from ..errors import operator_report
 from ..image_records import sidecar
 from ..openimageio import load_openimageio
 from ..outputs import render_path, with_escaped_braces
-from ..rig.light_rig import last_evaluated_rig, rig_camera, rig_parts
+from ..rig.rig import last_evaluated_rig, rig_camera, rig_parts
 from ..scene.camera import scene_camera
 from ..scene.objects import rendered, view_layer
 from ..scene.surfaces import box_of, surfaces

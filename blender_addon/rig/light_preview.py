@@ -31,7 +31,7 @@ from ..scene.camera import scene_camera
 from ..scene.mesh_file import write_surfaces
 from ..scene.objects import by_session_uid, rendered, view_layer
 from ..scene.surfaces import SURFACES
-from .light_rig import last_evaluated_rig, light_rig, rig_camera
+from .rig import last_evaluated_rig, light_rig, rig_camera
 
 TICK_SECONDS = 0.3
 PIXELS = 256

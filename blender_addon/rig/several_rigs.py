@@ -14,7 +14,7 @@ from typing import Any
 import bpy
 from mathutils import Euler, Matrix
 
-from mpsnet_core.errors import InputError, SettingsError
+from mpsnet_core.errors import SettingsError
 
 from ..operators.core_run import RunContext, RunsCore, idle
 from ..operators.reporting import ReportingOperator
@@ -72,7 +72,16 @@ class MPS_OT_add_rig_ring(ReportingOperator, bpy.types.Operator):
         return idle(cls, context) and MPS_OT_add_rig.poll(context)
 
     def act(self, context: Any) -> None:
-        add_rig_ring(context, self.count, self.elevation)
+        scene, objects = context.scene, context.view_layer.objects.selected
+        bounding_sphere(context.evaluated_depsgraph_get(), objects)  # raises before any is built
+        for number in range(self.count):
+            if scene.mps.rig.lights:  # else the chosen one was never built, and is the first of them
+                new_rig(scene)
+            add_rig(context)
+            turned = Euler((math.radians(90 - self.elevation), 0, math.tau * number / self.count))
+            target = scene.mps.rig.target
+            target.matrix_world = Matrix.LocRotScale(target.matrix_world.translation, turned, None)
+        context.view_layer.update()
 
 
 class MPS_OT_choose_rig(_OnRigs):
@@ -108,7 +117,10 @@ class MPS_OT_drop_rig(_OnRigs):
         return super().poll(context)
 
     def execute(self, context: Any) -> set[Any]:
-        drop_rig(context.scene)
+        mps, index = context.scene.mps, context.scene.mps.chosen_rig
+        remove_rig(context.scene)
+        mps.rigs.remove(index)
+        mps.chosen_rig = max(index - 1, 0)
         return {"FINISHED"}
 
 
@@ -123,16 +135,11 @@ class OnEachRig(RunsCore):
         "Do this for all rigs of this scene, one after the other, each with its own settings. "
         "Off: for the chosen rig alone",
     )
-    step = ""  # the step in STEPS whose settings it uses
 
     @classmethod
     def description(cls, context: Any, properties: Any) -> str:
         all_rigs = properties.bl_rna.properties["all_rigs"]
         return bpy.app.translations.pgettext_tip(all_rigs.description) if properties.all_rigs else ""
-
-    def begin(self, context: Any) -> None:
-        super().begin(context)
-        self._given = {name for name in _names(self.properties) if self.properties.is_property_set(name)}
 
     def run_contexts(self) -> Sequence[RunContext]:
         scene = by_session_uid(bpy.data.scenes, self._scene_uid)
@@ -140,7 +147,7 @@ class OnEachRig(RunsCore):
             return super().run_contexts()
         if "output" in self._given and requested_folder(self.output) is None:
             raise SettingsError(f"all rigs would write {self.output}; give a folder, with a slash at its end")
-        for one in all_rigs(scene):  # check all before the first starts, because renders share one copy of the file
+        for one in scene.mps.rigs:  # check all before the first starts, because renders share one copy of the file
             group = getattr(one, self.step)
             for name in self._given.intersection(setting_names(group)) - OF_ONE_RUN:
                 setattr(group, name, getattr(self, name))
@@ -154,8 +161,9 @@ class OnEachRig(RunsCore):
             yield
             return
         self._rig_place, self._whose = place, f"{scene.mps.rigs[place].name}: "
-        for name in set(_names(self.properties)) - self._given:  # values of the previous rig
-            self.properties.property_unset(name)
+        for one in self.properties.bl_rna.properties:
+            if one.identifier not in {"rna_type", *self._given}:  # a value of the previous rig
+                self.properties.property_unset(one.identifier)
         chosen, scene.mps.chosen_rig = scene.mps.chosen_rig, place
         try:
             yield
@@ -183,52 +191,6 @@ def _free_name(taken: set[str]) -> str:
     return next(name for number in count(1) if (name := f"Rig {number}") not in taken)
 
 
-def add_rig_ring(context: Any, count: int, elevation: float) -> None:
-    """Build rigs around the selected objects, with cameras evenly spaced around the vertical axis.
-
-    elevation: of the cameras above the horizon, in degrees. If the chosen rig was never built, it becomes the first of
-    them. The last one is chosen at the end.
-
-    Raises InputError if nothing with a surface is selected.
-    """
-    scene = context.scene
-    bounding_sphere(
-        context.evaluated_depsgraph_get(), context.view_layer.objects.selected
-    )  # rejected before any is built
-    for number in range(count):
-        if scene.mps.rig.lights:
-            new_rig(scene)
-        add_rig(context)
-        turned = Euler((math.radians(90 - elevation), 0, math.tau * number / count))
-        target = scene.mps.rig.target
-        target.matrix_world = Matrix.LocRotScale(target.matrix_world.translation, turned, None)
-    context.view_layer.update()
-
-
-def drop_rig(scene: Any) -> None:
-    """Remove the chosen rig's objects and its list entry, and choose the previous rig."""
-    mps, index = scene.mps, scene.mps.chosen_rig
-    remove_rig(scene)
-    mps.rigs.remove(index)
-    mps.chosen_rig = max(index - 1, 0)
-
-
-def all_rigs(scene: Any) -> list[Any]:
-    """The settings group with ``rig``, ``photo`` and ``estimate`` of each of the scene's rigs, in the list's order."""
-    return list(scene.mps.rigs) or [scene.mps.chosen]
-
-
-def rig_at(scene: Any, place: int, result: object) -> Any:
-    """The settings group with ``rig``, ``photo`` and ``estimate`` at a position in the scene's list of rigs.
-
-    Raises InputError if it no longer exists. result: what it would have received, and where that is now.
-    """
-    rigs = all_rigs(scene)
-    if place >= len(rigs):
-        raise InputError(f"the rig that this was made for is gone; {result}")
-    return rigs[place]
-
-
 def result_name(scene: Any, what: str) -> str:
     """File name for a result of the chosen rig, distinct between .blend files, scenes and rigs."""
     parts = [Path(bpy.data.filepath).stem] if bpy.data.filepath else []
@@ -236,7 +198,3 @@ def result_name(scene: Any, what: str) -> str:
     if len(scene.mps.rigs) > 1:
         parts.append(unique_name([one.name for one in scene.mps.rigs], scene.mps.chosen_rig))
     return "_".join([*parts, what])
-
-
-def _names(group: Any) -> list[str]:
-    return [one.identifier for one in group.bl_rna.properties if one.identifier != "rna_type"]

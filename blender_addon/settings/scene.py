@@ -98,6 +98,11 @@ class MPS_PG_scene(bpy.types.PropertyGroup):
         return self.rigs[min(self.chosen_rig, len(self.rigs) - 1)]
 
     @property
+    def every_rig(self) -> list[Any]:
+        """The groups with ``rig``, ``photo`` and ``estimate`` of all rigs, in the list's order."""
+        return list(self.rigs) or [self.chosen]
+
+    @property
     def rig(self) -> Any:
         """The chosen rig's settings and objects."""
         return self.chosen.rig
