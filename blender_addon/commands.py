@@ -263,8 +263,7 @@ def _add_flag(parser: argparse.ArgumentParser, setting: Any) -> None:
         metavar = {"FILE_PATH": "FILE", "FILE_NAME": "FILE", "DIR_PATH": "DIR"}.get(setting.subtype, "NAME")
         parser.add_argument(flag, type=str if metavar == "NAME" else _absolute, metavar=metavar, help=words)
     else:
-        number = _number(int if setting.type == "INT" else float, setting.soft_min, setting.soft_max)
-        parser.add_argument(flag, type=number, metavar="N", help=words + default)
+        parser.add_argument(flag, type=integer if setting.type == "INT" else float, metavar="N", help=words + default)
 
 
 def _absolute(path: str) -> str:
@@ -287,19 +286,11 @@ def _several(choices: Sequence[str]) -> Any:
     return parse
 
 
-def _number(kind: type, low: float, high: float) -> Any:
-    """A parser that rejects values that Blender would silently clamp."""
-
-    def parse(text: str) -> float:
-        try:
-            value = kind(text)
-        except ValueError:
-            raise argparse.ArgumentTypeError(f"{text!r} is not a{'n integer' if kind is int else ' number'}") from None
-        if not low <= value <= high:
-            raise argparse.ArgumentTypeError(f"{text} is outside {low:g} to {high:g}")
-        return value
-
-    return parse
+def integer(text: str) -> int:
+    """A whole number that Blender can hold. The operator refuses one outside of its setting's range."""
+    if abs(number := int(text)) >= 2**31:
+        raise ValueError
+    return number
 
 
 _handle: list[Any] = []

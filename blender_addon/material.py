@@ -43,7 +43,6 @@ class MPS_OT_make_material(RunsCore, MaterialSettings, bpy.types.Operator):
 
     Writes normals, height, curvature and albedo, and shows the material on a plane of its true size"""
 
-    bl_idname = "mps.make_material"
     bl_label = "Make Flat Material"
     requires, step = "photo", "material"
 

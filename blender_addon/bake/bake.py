@@ -1,7 +1,7 @@
 """The bake: the camera's normals become a texture on the target's UVs, which its material gets."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -35,7 +35,6 @@ NO_CAMERA = "Where was the photo taken from? Press Align Photo in the step Photo
 class MPS_OT_bake(BakeOperator, BakeSettings, bpy.types.Operator):
     """Bake the estimated normals into a texture on the target's UV map and give its material a Normal Map node"""
 
-    bl_idname = "mps.bake"
     bl_label = "Bake Texture"
     step = "bake"
 
@@ -125,14 +124,13 @@ class MPS_OT_bake(BakeOperator, BakeSettings, bpy.types.Operator):
             context.view_layer.update()
             begun = begin_mesh(folder / "mesh.npz", target, context.evaluated_depsgraph_get(), self.uv_map)
         else:
-            place = AnimatedMesh(folder, scene.session_uid, target.session_uid, self.uv_map)
             seen_by = chosen_camera(scene, normals_image)
             if seen_by is None and remembered(normals_image, "camera") is None:
                 seen_by = rig_camera(scene)
             if seen_by is not None:
                 camera = CAMERAS
-                place = replace(place, camera=seen_by.session_uid, size=picture_size(normals_image))
-            begun = place.begin(self._frames)
+            size = picture_size(normals_image)
+            begun = begin_frames(folder, self._frames, self.uv_map, scene, target, seen_by, size)
         self.schedule(begun.slices)
         self._bake_targets = [bake_target(target, begun)]
         if camera != CAMERAS:
@@ -208,49 +206,46 @@ class MPS_OT_bake(BakeOperator, BakeSettings, bpy.types.Operator):
 MESHES, CAMERAS = "mesh_######.npz", "camera_######.json"
 
 
-@dataclass(frozen=True)
-class AnimatedMesh:
-    """What to write for each frame."""
+def begin_frames(
+    folder: Path,
+    frames: range,
+    uv_map: str,
+    scene: Any,
+    target: Any,
+    camera: Any = None,
+    size: tuple[int, int] = (0, 0),
+) -> BegunMesh:
+    """Read the mesh of the first frame, and the camera if there is one; the slices read the other frames.
 
-    folder: Path
-    """For the files."""
-    scene: int
-    """Its session UID."""
-    target: int
-    """Session UID of the object."""
-    uv_map: str
-    """See :func:`.mesh_file.begin_mesh`."""
-    camera: int = 0
-    """Session UID of the camera to write, 0 for none."""
-    size: tuple[int, int] = (0, 0)
-    """Width and height of the camera's image in pixels."""
+    Between two slices, the window shows its own frame again, and users may change anything in the file. uv_map: as for
+    :func:`.begin_mesh`, which raises likewise. size: width and height of the camera's image in pixels.
+    """
+    every = {"scene": ("scenes", scene), "target": ("objects", target), "camera": ("objects", camera)}
+    uids = {what: (kind, one.session_uid) for what, (kind, one) in every.items() if one is not None}
 
-    def begin(self, frames: range) -> BegunMesh:
-        """Read the first frame with :func:`.mesh_file.begin_mesh`, and raise as it does. The slices read the others."""
-        first = self._begin_frame(frames[0])
-        return replace(first, slices=self._slices(first.slices, frames[1:]))
-
-    def _slices(self, first: Slices, others: range) -> Slices:
-        yield from first
-        for number in others:
-            yield True  # Blender evaluates the scene without interruption
-            yield from self._begin_frame(number).slices
-
-    def _begin_frame(self, number: int) -> BegunMesh:
-        scene, target = by_session_uid(bpy.data.scenes, self.scene), by_session_uid(bpy.data.objects, self.target)
-        camera = by_session_uid(bpy.data.objects, self.camera) if self.camera else None
-        if scene is None or target is None or (self.camera and camera is None):
-            gone = "scene" if scene is None else "target" if target is None else "camera"
+    def begin(number: int) -> BegunMesh:
+        found = {what: by_session_uid(getattr(bpy.data, kind), uid) for what, (kind, uid) in uids.items()}
+        for gone in (what for what, one in found.items() if one is None):
             raise InputError(f"the {gone} was deleted before all frames were read; undo that, and bake again")
+        scene = found["scene"]
         before = scene.frame_current, scene.frame_subframe
         with bpy.context.temp_override(scene=scene, view_layer=view_layer(scene)):
             scene.frame_set(number)
             try:
-                mesh = self.folder / MESHES.replace("######", f"{number:06d}")
-                begun = begin_mesh(mesh, target, bpy.context.evaluated_depsgraph_get(), self.uv_map)
-                if camera is not None:
-                    file = self.folder / CAMERAS.replace("######", f"{number:06d}")
-                    write_camera(file, scene_camera(camera, scene, self.size))
+                mesh = folder / MESHES.replace("######", f"{number:06d}")
+                begun = begin_mesh(mesh, found["target"], bpy.context.evaluated_depsgraph_get(), uv_map)
+                if "camera" in found:
+                    file = folder / CAMERAS.replace("######", f"{number:06d}")
+                    write_camera(file, scene_camera(found["camera"], scene, size))
             finally:
                 scene.frame_set(before[0], subframe=before[1])
         return begun
+
+    def slices() -> Slices:
+        yield from first.slices
+        for number in frames[1:]:
+            yield True  # Blender evaluates the scene without interruption
+            yield from begin(number).slices
+
+    first = begin(frames[0])
+    return replace(first, slices=slices())

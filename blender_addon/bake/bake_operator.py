@@ -130,10 +130,9 @@ class BakeOperator(RunsCore):
         if settings.onto_file:
             return options
         maps = base_map_files(targets, self._bake_targets, self._output)
-        if list(maps) == [(None, None)]:
-            one: Any = maps[None, None]
-            return {**options, "onto": str(one.file), "onto_convention": one.convention.lower()}
-        write_map_list(folder / "maps.json", [one.listed(part) for part, one in maps.items()])
+        if not (maps[0].object or maps[0].material):  # the one of all
+            return {**options, "onto": str(maps[0].file), "onto_convention": maps[0].convention}
+        write_map_list(folder / "maps.json", maps)
         return {**options, "onto": str(folder / "maps.json")}
 
     def write_meshes(

@@ -27,7 +27,6 @@ class MPS_OT_show_coverage(ReportingOperator, bpy.types.Operator):
     The objects and their materials stay as they are: copies that no render shows stand over them. Press again to end
     it"""
 
-    bl_idname = "mps.show_coverage"
     bl_label = "Show Coverage"
     bl_options = {"UNDO"}
 

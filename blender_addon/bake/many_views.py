@@ -38,7 +38,6 @@ class MPS_OT_bake_views(BakeOperator, ViewsSettings, bpy.types.Operator):
     Size, space, convention, margin, format, file, strength and what it goes on top of are those of the step Bake, the
     model is that of Estimate"""
 
-    bl_idname = "mps.bake_views"
     bl_label = "Bake Views"
     step = "views"
 

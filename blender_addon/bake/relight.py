@@ -49,7 +49,6 @@ _SHADING = {
 class MPS_OT_relight(ReportingOperator, bpy.types.Operator):
     """Let a white lamp swing around what the viewport shows, in place of the rigs' lights. Press again to end it"""
 
-    bl_idname = "mps.relight"
     bl_label = "Relight"
     bl_options = {"UNDO"}
 
@@ -57,17 +56,12 @@ class MPS_OT_relight(ReportingOperator, bpy.types.Operator):
         begin = context.scene.mps.relight.lamp is None
         if begin:
             refuse_linked_scene(context.scene)
-            centre, radius = _what_is_shown(context)
+            objects = context.view_layer.objects
+            shown = [obj for obj in objects.selected or objects if obj.visible_get()]
+            centre, radius = bounding_sphere(context.evaluated_depsgraph_get(), shown)
         _end(context)  # also cleans up after a lamp that was deleted manually
         if begin:
             _begin(context, centre, radius)
-
-
-def _what_is_shown(context: Any) -> tuple[Vector, float]:
-    """Centre and radius of the selection, else of all that is visible. Raises InputError if neither has a surface."""
-    objects = context.view_layer.objects
-    shown = [obj for obj in objects.selected or objects if obj.visible_get()]
-    return bounding_sphere(context.evaluated_depsgraph_get(), shown)
 
 
 def _begin(context: Any, centre: Vector, radius: float) -> None:
@@ -88,8 +82,9 @@ def _begin(context: Any, centre: Vector, radius: float) -> None:
         if light is not None and light.name in layer.objects and not light.hide_get():
             light.hide_set(True)
             settings.hidden.add().object = light
-    shading = _shading(context)
-    if shading is not None:
+    space = context.space_data
+    if space is not None and space.type == "VIEW_3D":
+        shading = space.shading
         settings.shading = json.dumps({name: getattr(shading, name) for name in _SHADING})
         _set(shading, _SHADING)
     _swing_on()
@@ -159,12 +154,6 @@ def _towards_viewer(context: Any) -> Matrix:
         return context.region_data.view_rotation.to_matrix()
     target = context.scene.mps.rig.target
     return target.matrix_world.to_3x3() if target else Euler((math.pi / 2, 0, 0)).to_matrix()
-
-
-def _shading(context: Any) -> Any:
-    """The viewport's shading; None if there is no viewport."""
-    space = context.space_data
-    return space.shading if space is not None and space.type == "VIEW_3D" else None
 
 
 def _all_shadings() -> Iterator[Any]:

@@ -20,7 +20,6 @@ _GAP = 0.002
 class MPS_OT_unwrap(ReportingOperator, bpy.types.Operator):
     """Give the target UVs by Blender's Smart UV Project, where it has none. UVs made by hand have fewer seams"""
 
-    bl_idname = "mps.unwrap"
     bl_label = "Unwrap"
     bl_options = {"REGISTER", "UNDO"}
 

@@ -6,7 +6,6 @@ their data would look correct.
 
 from collections import defaultdict
 from collections.abc import Iterator
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -97,18 +96,9 @@ def _is_one_file(one: Any) -> bool:
 # --- bakes of geometry nodes ------------------------------------------------------------------------------------------
 
 
-@dataclass(frozen=True)
-class BakeFolder:
-    """A folder that the user chose for a modifier's bakes."""
-
-    owner: str
-    """Name of the object."""
-    modifier: str
-    """Its name."""
-    bake: int
-    """Index in the modifier's list, -1 for all of them."""
-    place: str
-    """Absolute path."""
+# A folder that the user chose for a modifier's bakes: the names of object and modifier, the index in the modifier's
+# list of bakes (-1 for all of them), and the absolute path.
+BakeFolder = tuple[str, str, int, str]
 
 
 def bake_folders(besides: Path) -> list[BakeFolder]:
@@ -121,7 +111,7 @@ def bake_folders(besides: Path) -> list[BakeFolder]:
             for number, (one, name) in _folder_owners(modifier).items():
                 place = Path(bpy.path.abspath(getattr(one, name)))
                 if getattr(one, name).startswith("//") and not place.is_relative_to(besides):
-                    found.append(BakeFolder(obj.name, modifier.name, number, str(place)))
+                    found.append((obj.name, modifier.name, number, str(place)))
     return found
 
 
@@ -131,11 +121,10 @@ def name_bake_folders(folders: list[BakeFolder]) -> bool:
     Blender 4.5 does not adapt relative paths when it saves to another folder, and ignores changes after its first look.
     """
     changed = False
-    for folder in folders:
-        obj = bpy.data.objects[folder.owner]
-        one, name = _folder_owners(obj.modifiers[folder.modifier])[folder.bake]
-        if Path(bpy.path.abspath(getattr(one, name))).resolve() != Path(folder.place).resolve():
-            setattr(one, name, folder.place)
+    for owner, modifier, number, place in folders:
+        one, name = _folder_owners(bpy.data.objects[owner].modifiers[modifier])[number]
+        if Path(bpy.path.abspath(getattr(one, name))).resolve() != Path(place).resolve():
+            setattr(one, name, place)
             changed = True
     return changed
 

@@ -32,7 +32,6 @@ from ..settings.estimate import EstimateSettings
 class MPS_OT_estimate(OnEachRig, EstimateSettings, bpy.types.Operator):
     """Estimate the surface normals that the photo shows"""
 
-    bl_idname = "mps.estimate"
     bl_label = "Estimate Normals"
     step = "estimate"
     requires = "photo"
@@ -150,7 +149,6 @@ def _painted(settings: Any) -> Provenance:
 class MPS_OT_show_mask(RunsCore, EstimateSettings, bpy.types.Operator):
     """Show which pixels of the photo count as the object, before they are used. The mask is written as a file, too"""
 
-    bl_idname = "mps.show_mask"
     bl_label = "Show Mask"
     requires, step = "photo", "estimate"
 
@@ -182,7 +180,6 @@ _SAME_POSE = 1e-5
 class MPS_OT_error_map(RunsCore, bpy.types.Operator):
     """Compare the estimated normals with the true ones: the angle between them in colour, its mean and its median"""
 
-    bl_idname = "mps.error_map"
     bl_label = "Error Map"
     requires = "estimate"
 

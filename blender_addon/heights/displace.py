@@ -58,7 +58,6 @@ _FLAT = (
 class MPS_OT_displace(BakeOperator, DisplaceSettings, bpy.types.Operator):
     """Make the baked texture's heights on the target's UVs and displace its surface by them"""
 
-    bl_idname = "mps.displace"
     bl_label = "Displace Object"
     requires, step = "bake", "displace"
 

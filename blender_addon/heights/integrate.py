@@ -30,7 +30,6 @@ PICTURES = {"curvature": "Curvature", "occlusion": "Ambient Occlusion", "relit":
 class MPS_OT_integrate(RunsCore, HeightsSettings, bpy.types.Operator):
     """Make heights of the estimated normals: a file, a mesh where the camera saw the object, pictures of its shape"""
 
-    bl_idname = "mps.integrate"
     bl_label = "Make Height"
     requires, step = "estimate", "heights"
 

@@ -276,7 +276,6 @@ class RunsCore(ReportingOperator):
 class MPS_OT_cancel(bpy.types.Operator):
     """Stop what is running; nothing half-written is left"""
 
-    bl_idname = "mps.cancel"
     bl_label = "Cancel"
     bl_options = {"INTERNAL"}
 

@@ -197,7 +197,6 @@ def verb_of(idname: str) -> str:
 class MPS_OT_dismiss(bpy.types.Operator):
     """Dismiss this message; you can run the step again"""
 
-    bl_idname = "mps.dismiss"
     bl_label = "Dismiss Message"
     bl_options = {"INTERNAL", "UNDO"}
 

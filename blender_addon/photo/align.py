@@ -36,7 +36,6 @@ class MPS_OT_align_photo(RunsCore, AlignSettings, bpy.types.Operator):
 
     Four pairs of points or more place it first, where there are any; the photo's outline and normals refine it"""
 
-    bl_idname = "mps.align_photo"
     bl_label = "Align Photo"
     step = "align"
 
@@ -195,7 +194,6 @@ def _camera_object(scene: Any, photo: Any, found: Camera, target: Any) -> Any:
 class MPS_OT_remove_align_point(bpy.types.Operator):
     """Remove this pair of points"""
 
-    bl_idname = "mps.remove_align_point"
     bl_label = "Remove Point"
     bl_options = {"REGISTER", "UNDO", "INTERNAL"}
 

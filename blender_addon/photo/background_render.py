@@ -169,8 +169,7 @@ def render_job(folder: Path) -> int:
     parent = Parent()
     tempfile.tempdir = str(folder)  # not that of the preferences: this folder is removed, however this process ends
     try:
-        request = only_request()
-        job = RenderJob(**{**request, "bakes": [BakeFolder(**one) for one in request["bakes"]]})
+        job = RenderJob(**only_request())
         parent.send(progress=0.0, message="opening a copy of the file")
         with simulations_write_into(folder, animated=job.what == "frames"):
             scene = _opened(job)

@@ -86,7 +86,6 @@ class _Calibrates(RunsCore, CalibrateSettings):
 class MPS_OT_calibrate_lights(_Calibrates, bpy.types.Operator):
     """Find the three lights by a mirror ball, the target's mesh or the photo, and write a rig file for the estimate"""
 
-    bl_idname = "mps.calibrate_lights"
     bl_label = "Find Lights"
 
     @classmethod
@@ -154,7 +153,6 @@ class MPS_OT_calibrate_lights(_Calibrates, bpy.types.Operator):
 class MPS_OT_calibrate_mixing(_Calibrates, bpy.types.Operator):
     """Find in the photo of a matt grey ball how the lights' colours mix, and add it to the rig file"""
 
-    bl_idname = "mps.calibrate_mixing"
     bl_label = "Find Mixing"
 
     def prepare(self, context: Any, folder: Path) -> tuple[CalibrateMixing, Sequence[Path]]:

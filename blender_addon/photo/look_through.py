@@ -21,7 +21,6 @@ class MPS_OT_look_through(ReportingOperator, bpy.types.Operator):
 
     The scene's resolution is the photo's meanwhile. Press again, or turn the view, to leave it"""
 
-    bl_idname = "mps.look_through"
     bl_label = "Look Through"
     bl_options = {"UNDO"}
 

@@ -34,17 +34,32 @@ def rig_file_for(photo: Any, settings: Any) -> str:
 def rig_and_camera_options(
     context: Any, image: Any, folder: Path, schedule: Callable[[Slices], None], rig_file: str | None = None
 ) -> dict[str, Any]:
-    """The core's options for the photo's rig and camera, by the scene's settings.
+    """The core's options for the photo's rig and camera and, for near lights, its distance to the object.
 
     schedule: that of the operator, see :class:`.RunsCore`. rig_file: the rig's file, "" for none, None for that of the
     settings if it applies to this photo.
     """
-    scene = context.scene
+    scene, settings = context.scene, context.scene.mps.estimate
     if rig_file is None:
-        rig_file = rig_file_for(image, scene.mps.estimate)
+        rig_file = rig_file_for(image, settings)
     rig = rig_path(scene, image, folder, rig_file)
-    near = rig is not None and read_rig(rig).near is not None
-    return {"rig": rig, **_viewpoint_options(context, image, folder, schedule, near=near)}
+    options = {"rig": rig, **seen_through(scene, image, settings.lens, folder)}
+    if rig is None or read_rig(rig).near is None:
+        return options
+    if len(options) == 1:
+        raise GeometryError(
+            "the rig's lights stand near the object, so the photo's camera counts; enter its lens, or add a rig, "
+            "whose camera is used"
+        )
+    if settings.distance:
+        options["distance"] = round_as_typed(settings.distance)
+    elif settings.surface is not None and not settings.lens:
+        check_in_scene(scene, settings.surface, "surface")
+        context.view_layer.update()
+        depsgraph = context.evaluated_depsgraph_get()
+        schedule(begin_mesh(folder / "surface.npz", settings.surface, depsgraph, None).slices)
+        options["mesh"] = str(folder / "surface.npz")
+    return options
 
 
 def rig_path(scene: Any, image: Any, folder: Path, rig_file: str) -> str | None:
@@ -67,29 +82,6 @@ def rig_path(scene: Any, image: Any, folder: Path, rig_file: str) -> str | None:
 def finds_lights(scene: Any, image: Any, rig_file: str) -> bool:
     """Whether a photo's lights are unknown, and so are found in it. rig_file: see :func:`rig_path`."""
     return not rig_file and remembered(image, "rig") is None and is_real(image) and not scene.mps.rig.lights
-
-
-def _viewpoint_options(
-    context: Any, image: Any, folder: Path, schedule: Callable[[Slices], None], *, near: bool
-) -> dict[str, Any]:
-    """The core's options for the photo's camera and, for near lights, its distance to the object."""
-    scene = context.scene
-    settings = scene.mps.estimate
-    viewpoint = seen_through(scene, image, settings.lens, folder)
-    if near and not viewpoint:
-        raise GeometryError(
-            "the rig's lights stand near the object, so the photo's camera counts; enter its lens, or add a rig, "
-            "whose camera is used"
-        )
-    if near and settings.distance:
-        viewpoint["distance"] = round_as_typed(settings.distance)
-    elif near and settings.surface is not None and not settings.lens:
-        check_in_scene(scene, settings.surface, "surface")
-        context.view_layer.update()
-        depsgraph = context.evaluated_depsgraph_get()
-        schedule(begin_mesh(folder / "surface.npz", settings.surface, depsgraph, None).slices)
-        viewpoint["mesh"] = str(folder / "surface.npz")
-    return viewpoint
 
 
 def seen_through(scene: Any, image: Any, lens: float, folder: Path) -> dict[str, Any]:

@@ -28,7 +28,6 @@ class MPS_OT_paint_mask(RunsCore, bpy.types.Operator):
 
     The next estimate uses it as it is painted then. Press again to see what it comes to"""
 
-    bl_idname = "mps.paint_mask"
     bl_label = "Paint Mask"
     requires = "photo"
 
@@ -45,7 +44,7 @@ class MPS_OT_paint_mask(RunsCore, bpy.types.Operator):
     def finish(self, context: Any, result: dict[str, Any]) -> None:
         estimate = self.rig("its mask is not painted").estimate
         mask, shown = _values(self._mask) > 0.5, _values(self._shown)
-        picture = np.where(mask, *(np.interp(shown, (0, 1), ends) for ends in (_INSIDE, _OUTSIDE)))
+        picture = np.where(mask, np.interp(shown, (0, 1), _INSIDE), np.interp(shown, (0, 1), _OUTSIDE))
         image = estimate.painted_mask
         if image is None or tuple(image.size) != mask.shape[::-1]:
             image = bpy.data.images.new("MPS Painted Mask", *mask.shape[::-1], alpha=True, is_data=True)

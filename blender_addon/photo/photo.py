@@ -101,7 +101,6 @@ class MPS_OT_render_photo(OnEachRig, _Renders, PhotoSettings, bpy.types.Operator
     Other lights and the world are off. The scene is rendered as it is now and stays as it is. The rig and the camera,
     as they stand, are written beside the photo"""
 
-    bl_idname = "mps.render_photo"
     bl_label = "Render Photo"
     step = "photo"
 
@@ -137,7 +136,6 @@ class MPS_OT_open_photo(ReportingOperator, bpy.types.Operator):
 
     Files NAME.rig.json and NAME.camera.json beside it are read"""
 
-    bl_idname = "mps.open_photo"
     bl_label = "Open Photo"
     bl_options = {"UNDO"}
 
@@ -176,7 +174,6 @@ class MPS_OT_open_photo(ReportingOperator, bpy.types.Operator):
 class MPS_FH_photo(bpy.types.FileHandler):
     """Drag and drop: a photo dropped into a 3D viewport or an image editor becomes the photo."""
 
-    bl_idname = "MPS_FH_photo"
     bl_label = "Open as Photo of MPS-Net"
     bl_import_operator = "mps.open_photo"
     bl_file_extensions = ";".join((*PHOTO_SUFFIXES, *VIDEO_SUFFIXES))
@@ -191,7 +188,6 @@ class MPS_OT_superpose(RunsCore, SuperposeSettings, bpy.types.Operator):
 
     The object may not move between them. Each photo becomes a channel, so that paint does not mislead the estimate"""
 
-    bl_idname = "mps.superpose"
     bl_label = "Make One Photo"
     step = "superpose"
 
@@ -268,7 +264,6 @@ class MPS_OT_render_truth(_Renders, bpy.types.Operator):
 
     The camera is written beside the file"""
 
-    bl_idname = "mps.render_truth"
     bl_label = "Render True Normals"
 
     output: FileSetting("File", "OpenEXR file to write. Empty: a name of its own in the output folder")
@@ -287,7 +282,6 @@ _VERDICTS = {"good": "The photo is good", "watch": "The photo can be used", "bad
 class MPS_OT_check_photo(RunsCore, bpy.types.Operator):
     """Say whether the photo is exposed and focused well, and what its lights reach, before it is used"""
 
-    bl_idname = "mps.check_photo"
     bl_label = "Check Photo"
     requires = "photo"
 

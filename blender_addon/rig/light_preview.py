@@ -41,7 +41,6 @@ PICTURES = ("Photo", "Normals")
 class MPS_OT_light_preview(ReportingOperator, bpy.types.Operator):
     """Show what the three lights reach while you move them, the camera or the object. Press again to leave it"""
 
-    bl_idname = "mps.light_preview"
     bl_label = "Light Preview"
     bl_options = {"REGISTER"}
 
@@ -55,7 +54,7 @@ class MPS_OT_light_preview(ReportingOperator, bpy.types.Operator):
             return
         light_rig(context.scene)
         _open.append(LightPreview(context.scene.session_uid))
-        if not bpy.app.background:
+        if not (bpy.app.background or bpy.app.timers.is_registered(tick)):
             bpy.app.timers.register(tick, first_interval=0)
 
 
@@ -176,32 +175,24 @@ def _objects(scene: Any) -> list[Any]:
 def tick() -> float | None:
     """Update the preview, or end it if its scene or rig was removed."""
     for preview in list(_open):
-        scene = preview.scene
-        if scene is None:
-            _close()
-            break
         try:
+            if (scene := preview.scene) is None:
+                raise Cancelled
             preview.update(scene)
         except (InputError, CoreCrashed) as error:
             preview.fail(str(error))
         except OSError as error:
             preview.fail(system_report(error))
         except Cancelled:
-            _close()
+            end()
     return TICK_SECONDS if _open else None
-
-
-def _close() -> None:
-    while _open:
-        _open.pop().close()
 
 
 @persistent
 def end(*_: Any) -> None:
-    """Switch the preview off, and free its resources."""
-    _close()
-    if bpy.app.timers.is_registered(tick):
-        bpy.app.timers.unregister(tick)
+    """Switch the preview off, and free its resources. The timer ends by itself."""
+    while _open:
+        _open.pop().close()
 
 
 @persistent
@@ -221,6 +212,7 @@ def _undone(*_: Any) -> None:
         preview.moved = True
 
 
+TIMERS = (tick,)
 HANDLERS = {"load_pre": end, "depsgraph_update_post": _shape_changed, "undo_post": _undone, "redo_post": _undone}
 
 

@@ -38,7 +38,6 @@ _VIEWS = {
 class MPS_OT_add_rig(ReportingOperator, RigSettings, bpy.types.Operator):
     """Add three coloured lights and a camera around the selected objects, in place of an earlier rig"""
 
-    bl_idname = "mps.add_rig"
     bl_label = "Add Rig"
     bl_options = {"REGISTER", "UNDO"}
 
@@ -63,7 +62,6 @@ class MPS_OT_add_rig(ReportingOperator, RigSettings, bpy.types.Operator):
 class MPS_OT_remove_rig(bpy.types.Operator):
     """Remove the rig's lights, camera and target"""
 
-    bl_idname = "mps.remove_rig"
     bl_label = "Remove Rig"
     bl_options = {"REGISTER", "UNDO"}
 

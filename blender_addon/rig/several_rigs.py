@@ -42,7 +42,6 @@ class _OnRigs(bpy.types.Operator):
 class MPS_OT_new_rig(_OnRigs):
     """Begin another rig in this scene, with a photo and an estimate of its own; the rigs that are there stay"""
 
-    bl_idname = "mps.new_rig"
     bl_label = "New Rig"
 
     def execute(self, context: Any) -> set[Any]:
@@ -55,7 +54,6 @@ class MPS_OT_add_rig_ring(ReportingOperator, bpy.types.Operator):
 
     The first one looks along +Y, as Blender's front view"""
 
-    bl_idname = "mps.add_rig_ring"
     bl_label = "Add Ring of Rigs"
     bl_options = {"REGISTER", "UNDO"}
 
@@ -87,7 +85,6 @@ class MPS_OT_add_rig_ring(ReportingOperator, bpy.types.Operator):
 class MPS_OT_choose_rig(_OnRigs):
     """Work with this rig, its photo and its estimate"""
 
-    bl_idname = "mps.choose_rig"
     bl_label = "Choose Rig"
     bl_options = {"REGISTER", "UNDO", "INTERNAL"}
 
@@ -105,7 +102,6 @@ class MPS_OT_choose_rig(_OnRigs):
 class MPS_OT_drop_rig(_OnRigs):
     """Remove the chosen rig with its lights and its camera; its photo and normals stay as files and images"""
 
-    bl_idname = "mps.drop_rig"
     bl_label = "Remove from List"
 
     @classmethod

@@ -4,7 +4,6 @@ It is read at once, so later changes to the object do not matter, and written in
 responsive.
 """
 
-import ctypes
 import zipfile
 from collections.abc import Generator, Iterable, Iterator, Mapping
 from contextlib import contextmanager
@@ -104,8 +103,6 @@ def begin_mesh(path: Path, obj: Any, depsgraph: Any, uv_map: str | None, turn: M
         finally:
             evaluated.to_mesh_clear()
     arrays: dict[str, _Array] = {
-        "format": np.array("mpsnet-mesh"),
-        "version": np.array(1),
         "world_from_object": np.array(turn @ obj.matrix_world if turn else obj.matrix_world, dtype=np.float64),
         "triangle_polygon": polygons,
         **names,
@@ -146,16 +143,8 @@ def write_surfaces(path: Path, depsgraph: Any, objects: Iterable[Any]) -> None:
     if not meshes:
         raise GeometryError("no object of the photo has a surface; show the object, also in renders")
     joined = join_meshes(meshes)
-    arrays: dict[str, _Array] = {
-        "format": np.array("mpsnet-mesh"),
-        "version": np.array(1),
-        "world_from_object": joined.world_from_object,
-        "vertices": joined.vertices,
-        "triangles": joined.triangles,
-        "corner_normals": joined.corner_normals,
-        "uvs": joined.uvs,
-    }
-    for _ in _written(path, arrays):
+    names = ("world_from_object", "vertices", "triangles", "corner_normals", "uvs")
+    for _ in _written(path, {name: getattr(joined, name) for name in names}):
         pass
 
 
@@ -164,9 +153,10 @@ _Array = NDArray[Any] | tuple[NDArray[Any], NDArray[np.integer[Any]]]
 
 
 def _written(path: Path, arrays: Mapping[str, _Array]) -> Slices:
-    """Write arrays like ``np.savez``, some rows at a time."""
+    """Write arrays as a mesh file like ``np.savez``, some rows at a time."""
+    head = {"format": np.array("mpsnet-mesh"), "version": np.array(1)}
     with zipfile.ZipFile(path, "w") as archive:
-        for name, array in arrays.items():
+        for name, array in {**head, **arrays}.items():
             values, rows = array if isinstance(array, tuple) else (array, None)
             whole = np.atleast_1d(values) if rows is None else rows
             shape = values.shape if rows is None else (*rows.shape, *values.shape[1:])
@@ -241,12 +231,10 @@ def _material_arrays(mesh: Any, obj: Any, polygons: NDArray[np.int32]) -> dict[s
         mesh.attributes["material_index"].data.foreach_get("value", of_polygon)
     names = list(dict.fromkeys(labels))
     slots = np.array([names.index(label) for label in labels], np.int32)
+    of_polygon = np.minimum(of_polygon, len(slots) - 1)  # as Blender clamps indices beyond the last slot
     return {
         "materials": np.array(names, str),
-        "triangle_material": (
-            slots[np.minimum(of_polygon, len(slots) - 1)],
-            polygons,
-        ),  # Blender clamps indices beyond the last slot, too
+        "triangle_material": (slots[of_polygon], polygons),
         "objects": np.array([obj.name], str),
         "triangle_object": np.broadcast_to(np.int32(0), polygons.shape),
     }
@@ -281,7 +269,7 @@ def _shape(mesh: Any) -> tuple[NDArray[Any], ...]:
         _read(mesh.attributes["position"].data, "vector", 3),
         _read(mesh.attributes[".corner_vert"].data, "value", 1, np.int32).ravel(),
         _read(mesh.corner_normals, "vector", 3),
-        _triangle_corners(mesh),
+        _read(mesh.loop_triangles, "loops", 3, np.int32),
     )
 
 
@@ -289,19 +277,3 @@ def _read(elements: Any, attribute: str, width: int, kind: type = np.float32) ->
     values: NDArray[Any] = np.empty(len(elements) * width, kind)
     elements.foreach_get(attribute, values)
     return values.reshape(-1, width)
-
-
-def _triangle_corners(mesh: Any) -> NDArray[np.int32]:
-    """(T, 3) corners of Blender's own triangles, the same as by ``foreach_get``.
-
-    `foreach_get` goes from triangle to triangle and blocks the window for 0.08 s per million. The triangles are
-    contiguous in memory, which their addresses confirm; if a Blender stores them differently, `foreach_get` reads them.
-    """
-    triangles = mesh.loop_triangles
-    count, first, last = len(triangles), triangles[0], triangles[-1]
-    address, triangle = first.as_pointer(), ctypes.c_int32 * 3
-    if last.as_pointer() - address == (count - 1) * ctypes.sizeof(triangle):
-        found = np.array((triangle * count).from_address(address), np.int32)
-        if (found[[0, -1]] == [first.loops[:], last.loops[:]]).all():
-            return found
-    return _read(triangles, "loops", 3, np.int32)

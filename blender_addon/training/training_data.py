@@ -41,7 +41,6 @@ class MPS_OT_render_samples(RunsCore, SamplesSettings, bpy.types.Operator):
 
     What the folder holds already is not rendered again: after a stop, run it again and it goes on"""
 
-    bl_idname = "mps.render_samples"
     bl_label = "Render Samples"
 
     # Not stored in the scene: a .blend file must not name hosts that this machine connects to.
