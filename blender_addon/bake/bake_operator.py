@@ -285,9 +285,13 @@ def _of_modifiers(onto: Sequence[BakeTarget]) -> list[Note]:
 def check_shows_normals(target: Any) -> None:
     """Raise InputError, before the work, if an object is linked or none of its materials can take a normal map.
 
-    Missing materials are created later.
+    Missing materials are created later, and linked ones are copied.
     """
-    _refuse_linked(target)
+    for datablock, what in ((target, "object"), (target.data, "mesh")):
+        if datablock is not None and datablock.library is not None:
+            raise InputError(
+                f'the {what} "{datablock.name}" is linked from {datablock.library.filepath}; make it local first'
+            )
     materials = [slot.material for slot in target.material_slots]
     if not materials or not all(material and uses_nodes(material) for material in materials):
         return
@@ -297,12 +301,3 @@ def check_shows_normals(target: Any) -> None:
         raise InputError(
             closed[0] if closed else f'no material of "{target.name}" can show a normal map: {_NO_SHADER}; link one'
         )
-
-
-def _refuse_linked(target: Any) -> None:
-    """Raise InputError for a linked object or mesh, whose materials cannot change. A linked material is copied."""
-    for datablock, what in ((target, "object"), (target.data, "mesh")):
-        if datablock is not None and datablock.library is not None:
-            raise InputError(
-                f'the {what} "{datablock.name}" is linked from {datablock.library.filepath}; make it local first'
-            )

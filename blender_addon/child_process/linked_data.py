@@ -13,7 +13,7 @@ import bpy
 
 from mpsnet_core.errors import FileError, Note
 
-from ..errors import operator_report
+from ..errors import operator_errors
 from ..scene.objects import view_layer
 
 # --- libraries --------------------------------------------------------------------------------------------------------
@@ -148,9 +148,8 @@ def save_copy(path: Path, *, compress: bool, mend: str) -> None:
     try:
         bpy.data.use_autopack = False  # it would also pack files in the open file, and fail if one is missing
         preferences.filepaths.file_preview_type = "NONE"
-        bpy.ops.wm.save_as_mainfile(filepath=str(path), copy=True, compress=compress)
-    except RuntimeError as error:
-        raise FileError(f"cannot write {path} ({operator_report(error)}); {mend}") from None
+        with operator_errors(f"cannot write {path}", mend):
+            bpy.ops.wm.save_as_mainfile(filepath=str(path), copy=True, compress=compress)
     finally:
         bpy.data.use_autopack = packing
         preferences.filepaths.file_preview_type = preview

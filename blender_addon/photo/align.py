@@ -16,6 +16,7 @@ from mpsnet_core.scene.camera import FULL_FRAME, Camera, read_camera, write_came
 from ..image_records import Provenance, stamp
 from ..images import image_file, picture_size
 from ..operators.core_run import RunsCore
+from ..operators.reporting import ReportingOperator
 from ..outputs import output_path
 from ..rig.several_rigs import result_name
 from ..scene.camera import scene_camera
@@ -191,23 +192,18 @@ def _camera_object(scene: Any, photo: Any, found: Camera, target: Any) -> Any:
     return camera
 
 
-class MPS_OT_remove_align_point(bpy.types.Operator):
+class MPS_OT_remove_align_point(ReportingOperator, bpy.types.Operator):
     """Remove this pair of points"""
 
     bl_label = "Remove Point"
     bl_options = {"REGISTER", "UNDO", "INTERNAL"}
 
+    requires = "photo"
+
     index: IntSetting("Number", "Number of the pair in the photo's list, from 0", min=0)
 
-    @classmethod
-    def poll(cls, context: Any) -> bool:
-        photo = context.scene.mps.photo.image
-        return photo is not None and len(photo.mps.pairs) > 0
-
-    def execute(self, context: Any) -> set[Any]:
+    def act(self, context: Any) -> None:
         pairs = context.scene.mps.photo.image.mps.pairs
         if self.index >= len(pairs):
-            self.report({"ERROR"}, f"there is no pair {self.index}; the photo has {len(pairs)}, numbered from 0")
-            return {"CANCELLED"}
+            raise InputError(f"there is no pair {self.index}; the photo has {len(pairs)}, numbered from 0")
         pairs.remove(self.index)
-        return {"FINISHED"}

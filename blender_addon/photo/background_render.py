@@ -43,7 +43,7 @@ from ..child_process.linked_data import (
 )
 from ..child_process.simulation_caches import simulations_write_into
 from ..child_process.trust import blocked_scripts_note, take_run_permission
-from ..errors import operator_report
+from ..errors import operator_errors
 from ..images import pixels_of
 from .studio import RenderKind, RenderProgress, render
 
@@ -198,10 +198,15 @@ def _cancel(*_: Any) -> None:
 
 def _opened(job: RenderJob) -> Any:
     """Open the copy, and return its scene in the window. Raises InputError if linked data is lost."""
-    _open(job)
+
+    def open_copy() -> None:
+        with operator_errors("the copy of this file cannot be opened", "save it and try again"):
+            bpy.ops.wm.open_mainfile(filepath=job.file, load_ui=False, use_scripts=job.use_scripts)
+
+    open_copy()
     if name_bake_folders(job.bakes):  # Blender reads them only when the file is opened
         bpy.ops.wm.save_mainfile()
-        _open(job)
+        open_copy()
     scene = bpy.data.scenes[job.scene]
     window = bpy.context.window_manager.windows[0]
     window.scene, window.view_layer = scene, scene.view_layers[job.view_layer]
@@ -210,15 +215,6 @@ def _opened(job: RenderJob) -> Any:
     for name, file in job.painted.items():
         _paint(bpy.data.images[name], file)
     return scene
-
-
-def _open(job: RenderJob) -> None:
-    try:
-        bpy.ops.wm.open_mainfile(filepath=job.file, load_ui=False, use_scripts=job.use_scripts)
-    except RuntimeError as error:
-        raise InputError(
-            f"the copy of this file cannot be opened ({operator_report(error)}); save it and try again"
-        ) from None
 
 
 @contextmanager

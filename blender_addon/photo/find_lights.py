@@ -43,7 +43,10 @@ class _Calibrates(RunsCore, CalibrateSettings):
 
     def _outputs_named(self, what: str = "") -> list[Path]:
         """The files to write: the rig's, and what is drawn over the photo of a ball."""
-        rig = self._rig = self._rig_path(file_name(result_name(bpy.context.scene, "rig")))
+        named = f"{file_name(result_name(bpy.context.scene, 'rig'))}.json"
+        rig = self._rig = requested_path(self.output) if self.output else output_folder() / named
+        if rig.suffix.lower() != ".json":
+            raise InputError(f"a rig file's name ends in .json, that of {rig} does not; change it")
         self._overlay = rig.with_name(f"{rig.stem}_{what}.png") if what else None
         return [rig, self._overlay] if self._overlay else [rig]
 
@@ -57,13 +60,6 @@ class _Calibrates(RunsCore, CalibrateSettings):
             "overlay": str(self._overlay),
             "output": str(self._rig),
         }
-
-    def _rig_path(self, name: str) -> Path:
-        """The rig file to write: the one that the settings name, or `name` in the output folder."""
-        path = requested_path(self.output) if self.output else output_folder() / f"{name}.json"
-        if path.suffix.lower() != ".json":
-            raise InputError(f"a rig file's name ends in .json, that of {path} does not; change it")
-        return path
 
     def _show_results(self, table: Sequence[Sequence[str]]) -> None:
         """Show the overlay, if any, and the table of results (headings first), and use the rig for estimates.

@@ -106,7 +106,10 @@ class MPS_OT_render_photo(OnEachRig, _Renders, PhotoSettings, bpy.types.Operator
 
     @classmethod
     def provenance(cls, context: Any) -> Provenance:
-        return {**_drawn(context.scene), **chosen(context.scene.mps.photo)}
+        # As at Blender's last evaluation; empty if they cannot take a photo.
+        lights, scene = lights_provenance(context.scene), context.scene
+        camera = {"Camera": rounded(rig_camera(scene).matrix_world, 4)} if lights else {}
+        return {**lights, **camera, **chosen(scene.mps.photo)}
 
     def destination(self, scene: Any) -> tuple[RenderKind, Path]:
         self._moves = self.animation
@@ -222,12 +225,6 @@ def _set_photo(rig: Any, image: bpy.types.Image) -> None:
     """Make an image the photo of a rig."""
     rig.photo.settings_of = rig.photo.settings_of or rig.photo.image  # as in files of earlier versions
     rig.photo.image = image
-
-
-def _drawn(scene: Any) -> Provenance:
-    """Lights and camera at Blender's last evaluation, as provenance; empty if they cannot take a photo."""
-    lights = lights_provenance(scene)
-    return {**lights, "Camera": rounded(rig_camera(scene).matrix_world, 4)} if lights else {}
 
 
 def _is_shown_as_read(path: Path) -> bool:

@@ -19,7 +19,7 @@ from mpsnet_core.io.provenance import digest
 from mpsnet_core.scene.camera import Camera, write_camera
 from mpsnet_core.scene.rig import write_rig
 
-from ..errors import operator_report
+from ..errors import operator_errors
 from ..image_records import sidecar
 from ..openimageio import load_openimageio
 from ..outputs import render_path, with_escaped_braces
@@ -423,10 +423,8 @@ def _render(studio: Any, path: Path, file_format: str) -> None:
     studio.render.use_file_extension = False
     with atomic_write(path) as unfinished:
         studio.render.filepath = with_escaped_braces(unfinished)
-        try:
+        with operator_errors(f"Blender could not render {path}", "see what it printed"):
             bpy.ops.render.render(write_still=True, scene=studio.name)
-        except RuntimeError as error:
-            raise InputError(f"Blender could not render {path}: {operator_report(error)}") from None
         load_openimageio()  # not needed at Blender's start
         from mpsnet_core.io.image_writing import is_complete_image
 

@@ -42,39 +42,33 @@ class MPS_OT_add_rig(ReportingOperator, RigSettings, bpy.types.Operator):
     bl_options = {"REGISTER", "UNDO"}
 
     @classmethod
-    def poll(cls, context: Any) -> bool:
+    def lacks(cls, context: Any) -> str:
         active = context.view_layer.objects.active
         if active is not None and active.mode != "OBJECT":
-            cls.poll_message_set("Switch to Object Mode first")
-            return False
+            return "Switch to Object Mode first"
         try:
             _selected(context)
         except InputError as error:
-            cls.poll_message_set(str(error))
-            return False
-        return True
+            return str(error)
+        return ""
 
     def act(self, context: Any) -> None:
         apply_given_settings(self, context.scene.mps.rig)
         add_rig(context)
 
 
-class MPS_OT_remove_rig(bpy.types.Operator):
+class MPS_OT_remove_rig(ReportingOperator, bpy.types.Operator):
     """Remove the rig's lights, camera and target"""
 
     bl_label = "Remove Rig"
     bl_options = {"REGISTER", "UNDO"}
 
     @classmethod
-    def poll(cls, context: Any) -> bool:
-        if context.scene.mps.rig.target is None:
-            cls.poll_message_set("There is no rig in this scene")
-            return False
-        return True
+    def lacks(cls, context: Any) -> str:
+        return "" if context.scene.mps.rig.target else "There is no rig in this scene"
 
-    def execute(self, context: Any) -> set[Any]:
+    def act(self, context: Any) -> None:
         remove_rig(context.scene)
-        return {"FINISHED"}
 
 
 def add_rig(context: Any) -> None:

@@ -14,7 +14,7 @@ from typing import Any
 import bpy
 from mathutils import Euler, Matrix
 
-from mpsnet_core.errors import SettingsError
+from mpsnet_core.errors import InputError, SettingsError
 
 from ..operators.core_run import RunContext, RunsCore, idle
 from ..operators.reporting import ReportingOperator
@@ -29,33 +29,31 @@ from .rig import MPS_OT_add_rig, add_rig, remove_rig
 _OF_ONE_RIG = {"output", "rig_file", "white", "white_light"}
 
 
-class _OnRigs(bpy.types.Operator):
+class _OnRigs(ReportingOperator):
     """Adds or removes rigs, or chooses one."""
 
     bl_options = {"REGISTER", "UNDO"}
 
     @classmethod
     def poll(cls, context: Any) -> bool:
-        return idle(cls, context)
+        return idle(cls, context) and super().poll(context)
 
 
-class MPS_OT_new_rig(_OnRigs):
+class MPS_OT_new_rig(_OnRigs, bpy.types.Operator):
     """Begin another rig in this scene, with a photo and an estimate of its own; the rigs that are there stay"""
 
     bl_label = "New Rig"
 
-    def execute(self, context: Any) -> set[Any]:
+    def act(self, context: Any) -> None:
         new_rig(context.scene)
-        return {"FINISHED"}
 
 
-class MPS_OT_add_rig_ring(ReportingOperator, bpy.types.Operator):
+class MPS_OT_add_rig_ring(_OnRigs, bpy.types.Operator):
     """Add rigs in a ring around the selected objects, with the settings of the rig; those that are there stay.
 
     The first one looks along +Y, as Blender's front view"""
 
     bl_label = "Add Ring of Rigs"
-    bl_options = {"REGISTER", "UNDO"}
 
     count: IntSetting("Count", "How many rigs stand around the object", default=8, within=(2, 64))
     elevation: FloatSetting(
@@ -66,8 +64,8 @@ class MPS_OT_add_rig_ring(ReportingOperator, bpy.types.Operator):
     )
 
     @classmethod
-    def poll(cls, context: Any) -> bool:
-        return idle(cls, context) and MPS_OT_add_rig.poll(context)
+    def lacks(cls, context: Any) -> str:
+        return MPS_OT_add_rig.lacks(context)
 
     def act(self, context: Any) -> None:
         scene, objects = context.scene, context.view_layer.objects.selected
@@ -82,7 +80,7 @@ class MPS_OT_add_rig_ring(ReportingOperator, bpy.types.Operator):
         context.view_layer.update()
 
 
-class MPS_OT_choose_rig(_OnRigs):
+class MPS_OT_choose_rig(_OnRigs, bpy.types.Operator):
     """Work with this rig, its photo and its estimate"""
 
     bl_label = "Choose Rig"
@@ -90,34 +88,28 @@ class MPS_OT_choose_rig(_OnRigs):
 
     index: IntSetting("Number", "Number of the rig in the scene's list, from 0", min=0)
 
-    def execute(self, context: Any) -> set[Any]:
-        count = len(context.scene.mps.rigs)
-        if self.index >= max(count, 1):
-            self.report({"ERROR"}, f"there is no rig {self.index}; this scene has {max(count, 1)}, numbered from 0")
-            return {"CANCELLED"}
+    def act(self, context: Any) -> None:
+        count = max(len(context.scene.mps.rigs), 1)
+        if self.index >= count:
+            raise InputError(f"there is no rig {self.index}; this scene has {count}, numbered from 0")
         context.scene.mps.chosen_rig = self.index
-        return {"FINISHED"}
 
 
-class MPS_OT_drop_rig(_OnRigs):
+class MPS_OT_drop_rig(_OnRigs, bpy.types.Operator):
     """Remove the chosen rig with its lights and its camera; its photo and normals stay as files and images"""
 
     bl_label = "Remove from List"
 
     @classmethod
-    def poll(cls, context: Any) -> bool:
-        if len(context.scene.mps.rigs) < 2:
-            number = "only one" if context.scene.mps.rig.target else "no"
-            cls.poll_message_set(f"There is {number} rig in this scene")
-            return False
-        return super().poll(context)
+    def lacks(cls, context: Any) -> str:
+        number = "only one" if context.scene.mps.rig.target else "no"
+        return f"There is {number} rig in this scene" if len(context.scene.mps.rigs) < 2 else ""
 
-    def execute(self, context: Any) -> set[Any]:
+    def act(self, context: Any) -> None:
         mps, index = context.scene.mps, context.scene.mps.chosen_rig
         remove_rig(context.scene)
         mps.rigs.remove(index)
         mps.chosen_rig = max(index - 1, 0)
-        return {"FINISHED"}
 
 
 class OnEachRig(RunsCore):

@@ -22,7 +22,7 @@ from mpsnet_core.synthesis.scene_sampling import draw_scene
 from mpsnet_core.synthesis.shapes import Shape, build_shape
 
 from ...child_process.simulation_caches import simulations_write_into
-from ...errors import operator_report
+from ...errors import operator_errors
 from ...outputs import with_escaped_braces
 from ..training_data import SCENE_FILE
 from .materials import weight_passes
@@ -88,11 +88,9 @@ def render_layers(scene: Any, path: Path) -> None:
     settings.file_format = "OPEN_EXR_MULTILAYER"
     settings.color_mode, settings.color_depth, settings.exr_codec = "RGBA", "32", "ZIPS"
     render.filepath = with_escaped_braces(path)
-    try:
+    with operator_errors(f"Blender could not render {path}", "see what it printed"):
         # With denoising, the compositor writes the file.
         bpy.ops.render.render(write_still=not render.use_compositing, scene=scene.name)
-    except RuntimeError as error:
-        raise FileError(f"Blender could not render {path}: {operator_report(error)}") from None
     if not path.is_file():
         raise FileError(f"Blender did not write {path}: the render was cancelled or its disk is full; try again")
 

@@ -19,14 +19,14 @@ import numpy as np
 from mathutils import Matrix, Vector
 from numpy.typing import NDArray
 
-from mpsnet_core.errors import FileError, GeometryError, InputError
+from mpsnet_core.errors import GeometryError, InputError
 from mpsnet_core.io.files import existing_file
 from mpsnet_core.scene.camera import FULL_FRAME, Camera
 from mpsnet_core.synthesis.cycles import LIGHT_GROUPS
 from mpsnet_core.synthesis.scene_description import SceneDescription
 from mpsnet_core.synthesis.shapes import Shape
 
-from ...errors import operator_report
+from ...errors import operator_errors
 from ...photo.studio import refuse_glow
 from ...scene.mesh_file import as_rendered
 from .materials import PART, build_material
@@ -139,11 +139,8 @@ def open_objects(path: Path, names: Sequence[str]) -> SceneObjects:
     Raises InputError if the file or an object is missing, has no surface, or glows.
     """
     path = existing_file(path, "scene")
-    try:
+    with operator_errors(f"{path} cannot be opened", "make the samples in a new folder"):
         bpy.ops.wm.open_mainfile(filepath=str(path), load_ui=False, use_scripts=False)
-    except RuntimeError as error:
-        reason = operator_report(error)
-        raise FileError(f"{path} cannot be opened ({reason}); make the samples in a new folder") from None
     objects = bpy.context.scene.objects
     missing = [name for name in names if name not in objects]
     if missing:
