@@ -65,7 +65,7 @@ class MPS_OT_make_material(RunsCore, MaterialSettings, bpy.types.Operator):
         across, down = width - self.crop_left - self.crop_right, height - self.crop_top - self.crop_bottom
         if min(across, down) < 1:
             raise SettingsError(f"the crop leaves nothing of the photo's {width} x {height} pixels; leave out less")
-        lit = rig_and_camera_options(context, image, folder, self.schedule)
+        lit = rig_and_camera_options(context, image, folder, self.write_mesh)
         if lit["rig"] is None:
             raise SettingsError("nothing says where this photo's lights are; choose their rig file, or find them")
         cropped = (across, down) != (width, height)

@@ -60,6 +60,20 @@ def find_node(tree: Any, name: str) -> Any:
     return found if found is not None and found.bl_idname == _KINDS[name] else None
 
 
+def image_in(tree: Any, name: str = TEXTURE_NODE) -> Any:
+    """The image of the tree's node of that name, by default the baked texture; None if there is none."""
+    found = find_node(tree, name)
+    return found.image if found is not None else None
+
+
+def texture_on_uvs(tree: Any, name: str, image: Any, uv_map: str, x: float, y: float) -> Any:
+    """The tree's image texture of that name with an image on a UV map, created at a position if missing."""
+    uv, texture = ensure_node(tree, UV_NODE, "ShaderNodeUVMap", x - 200, y), ensure_node(tree, name, _KINDS[name], x, y)
+    uv.uv_map, texture.image = uv_map, image
+    tree.links.new(uv.outputs["UV"], texture.inputs["Vector"])
+    return texture
+
+
 def ensure_node(tree: Any, name: str, kind: str, x: float, y: float) -> Any:
     """The tree's node of that name, created at a position if missing. A node of another type is renamed."""
     found = tree.nodes.get(name)

@@ -121,8 +121,7 @@ class MPS_OT_bake(BakeOperator, BakeSettings, bpy.types.Operator):
         """Write mesh and camera for a sequence: once, or for each frame if they are animated."""
         scene, camera = context.scene, "camera.json"
         if not self.animated:
-            context.view_layer.update()
-            begun = begin_mesh(folder / "mesh.npz", target, context.evaluated_depsgraph_get(), self.uv_map)
+            begun = self.write_mesh(context, folder / "mesh.npz", target, self.uv_map)
         else:
             seen_by = chosen_camera(scene, normals_image)
             if seen_by is None and remembered(normals_image, "camera") is None:
@@ -131,7 +130,7 @@ class MPS_OT_bake(BakeOperator, BakeSettings, bpy.types.Operator):
                 camera = CAMERAS
             size = picture_size(normals_image)
             begun = begin_frames(folder, self._frames, self.uv_map, scene, target, seen_by, size)
-        self.schedule(begun.slices)
+            self.schedule(begun.slices)
         self._bake_targets = [bake_target(target, begun)]
         if camera != CAMERAS:
             self._write_camera(scene, folder / camera, normals_image)

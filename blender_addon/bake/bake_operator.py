@@ -19,7 +19,7 @@ from ..child_process.core_process import Work
 from ..image_records import Provenance, images_of, remember, remembered
 from ..operators.core_run import RunsCore
 from ..outputs import output_path, overruled_format, requested_folder
-from ..scene.mesh_file import BegunMesh, begin_mesh, slot_labels
+from ..scene.mesh_file import BegunMesh, slot_labels
 from ..scene.objects import by_session_uid, check_in_scene, find_object, target_of
 from ..scene.surfaces import mesh_stamp
 from ..settings.declared import BoolSetting, StringSetting, options_of
@@ -142,12 +142,10 @@ class BakeOperator(RunsCore):
 
         motion: for an object, the motion from Blender's world to where the cameras saw it; None if there is none.
         """
-        context.view_layer.update()
         uv_map, paths, self._bake_targets = context.scene.mps.bake.uv_map, [], []
         for number, target in enumerate(targets):
             path = folder / f"mesh_{number}.npz"
-            begun = begin_mesh(path, target, context.evaluated_depsgraph_get(), uv_map, motion(target))
-            self.schedule(begun.slices)
+            begun = self.write_mesh(context, path, target, uv_map, motion(target))
             self._bake_targets.append(bake_target(target, begun))
             paths.append(str(path))
         return tuple(paths)

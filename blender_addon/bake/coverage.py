@@ -10,7 +10,7 @@ import bpy
 
 from mpsnet_core.errors import InputError
 
-from ..appearance.nodes import NORMAL_NODE, TEXTURE_NODE, find_node, new_material
+from ..appearance.nodes import NORMAL_NODE, find_node, image_in, new_material
 from ..image_records import from_json
 from ..operators.reporting import ReportingOperator
 from ..scene.objects import refuse_linked_scene
@@ -120,10 +120,10 @@ _OUT = 2e-3
 def baked_texture(material: Any) -> tuple[Any, str] | None:
     """The baked texture in a material, with its UV map; None if there is none."""
     tree = material.node_tree if material else None
-    texture, normal = (find_node(tree, name) for name in (TEXTURE_NODE, NORMAL_NODE)) if tree else (None, None)
-    if texture is None or texture.image is None:
+    if not tree or (image := image_in(tree)) is None:
         return None
-    return texture.image, normal.uv_map if normal is not None else ""
+    normal = find_node(tree, NORMAL_NODE)
+    return image, normal.uv_map if normal is not None else ""
 
 
 def add_overlay(context: Any, obj: Any, name: str, materials: Sequence[Any], overlays: Any) -> None:

@@ -18,7 +18,7 @@ from mpsnet_core.errors import FileError, GeometryError
 from mpsnet_core.scene.texture_names import tile_patterns
 
 from ..appearance.modifiers import DISPLACE, find_modifier
-from ..appearance.nodes import ALBEDO_NODE, HEIGHT_NODE, TEXTURE_NODE, find_node, trees_of, with_nodes
+from ..appearance.nodes import ALBEDO_NODE, HEIGHT_NODE, TEXTURE_NODE, image_in, trees_of, with_nodes
 from ..image_records import from_json, origin, remember, remembered, written_in_this_session
 from ..images import load_image, load_tiles
 from ..scene.objects import by_session_uid
@@ -299,9 +299,8 @@ def _is_file_of(file: Path, image: Any) -> bool:
 
 def _images_on(obj: Any) -> Iterator[Any]:
     """The images of bakes and displacements in an object's materials and modifiers."""
-    trees = trees_of(obj)
     names = (TEXTURE_NODE, ALBEDO_NODE, HEIGHT_NODE)
-    yield from (node.image for tree in trees for name in names if (node := find_node(tree, name)))
+    yield from (image_in(tree, name) for tree in trees_of(obj) for name in names)
     modifier = find_modifier(obj, DISPLACE)
     if modifier and modifier.texture and modifier.texture.type == "IMAGE":
         yield modifier.texture.image

@@ -79,7 +79,7 @@ class MPS_OT_estimate(OnEachRig, EstimateSettings, bpy.types.Operator):
         unused = unused if self.white else (*unused, *of_one_photo)
         operation = Estimate(
             image=(str(photo),),
-            **rig_and_camera_options(context, image, folder, self.schedule, rig_file),
+            **rig_and_camera_options(context, image, folder, self.write_mesh, rig_file),
             **reading(self, painted=painted_mask(scene.mps.estimate, folder)),
             **network(self),
             **options_of(Estimate, self, without=("focal", "distance", "model", *read, *unused)),

@@ -20,7 +20,7 @@ from ..appearance.displacement import (
     show_object_normals,
 )
 from ..appearance.modifiers import DISPLACE, keep_smoothness, move_by_modifier, remove_modifier, subdivide, subdivided
-from ..appearance.nodes import NORMAL_NODE, TEXTURE_NODE, find_node, trees_of
+from ..appearance.nodes import NORMAL_NODE, TEXTURE_NODE, find_node, image_in, trees_of
 from ..appearance.shader_graph import output_of
 from ..bake.bake_operator import BakeOperator
 from ..bake.texture_sets import (
@@ -33,7 +33,6 @@ from ..bake.texture_sets import (
 from ..image_records import Provenance, chosen, remembered, stamp
 from ..images import image_file, load_image, load_tiles, tile_files
 from ..outputs import output_path, overruled_format
-from ..scene.mesh_file import begin_mesh
 from ..scene.objects import by_session_uid
 from ..scene.surfaces import world_scale
 from ..settings.declared import options_of, round_as_typed
@@ -65,7 +64,7 @@ class MPS_OT_displace(BakeOperator, DisplaceSettings, bpy.types.Operator):
     def provenance(cls, context: Any) -> Provenance:
         scene = context.scene.mps
         target = scene.bake.target
-        assigned = _textures(slot.material for slot in target.material_slots) if target is not None else set()
+        assigned = _textures(trees_of(target)) if target is not None else set()
         texture = assigned.pop() if len(assigned) == 1 else scene.bake.image
         return {"Texture": stamp(texture), **chosen(scene.displace)}
 
@@ -88,13 +87,10 @@ class MPS_OT_displace(BakeOperator, DisplaceSettings, bpy.types.Operator):
             if self.method == "MATERIAL":  # renders bumps between the vertices; facets show more in finer shadows
                 self.levels = min(self.levels, _MATERIAL_LEVELS)
             self._notes = [*self._notes, Note(_DERIVED, self.levels, 100 * self.scale)]
-        context.view_layer.update()
         # In object axes, but at world size: modifiers displace in object space, even under non-uniform scale.
         turn = Matrix.Scale(self._size, 4) @ target.matrix_world.inverted()
-        depsgraph = context.evaluated_depsgraph_get()
-        begun = begin_mesh(folder / "mesh.npz", target, depsgraph, _uv_map_of(target) or bake.uv_map, turn)
-        self.schedule(begun.slices)
-        self._uv_map = begun.uv_map
+        uv_map = _uv_map_of(target) or bake.uv_map
+        self._uv_map = self.write_mesh(context, folder / "mesh.npz", target, uv_map, turn).uv_map
         known: dict[str, Any] = {
             what: remembered(image, what) or getattr(bake, what) for what in ("space", "convention")
         }
@@ -108,8 +104,7 @@ class MPS_OT_displace(BakeOperator, DisplaceSettings, bpy.types.Operator):
         base = folder / "base.npz" if self.levels and not self._smooth else None
         if base:
             with subdivided(target, self.subdivision, min(self.levels, MAX_BASE_LEVELS)):
-                depsgraph = context.evaluated_depsgraph_get()
-                self.schedule(begin_mesh(base, target, depsgraph, self._uv_map, turn).slices)
+                self.write_mesh(context, base, target, self._uv_map, turn)
         operation = Integrate(
             normals=str(texture),
             height=str(self._output),
@@ -211,10 +206,10 @@ def _texture_of(target: Any) -> Any:
 
     Raises InputError if the object has several, or if only other objects have one.
     """
-    assigned = _textures(slot.material for slot in target.material_slots)
+    assigned = _textures(trees_of(target))
     if len(assigned) > 1:
         raise InputError(f'the materials of "{target.name}" use several textures; bake them into one')
-    if not assigned and _textures(bpy.data.materials):
+    if not assigned and _textures(one.node_tree for one in bpy.data.materials if one.node_tree):
         raise InputError(f'"{target.name}" uses no baked texture; choose the object that it was baked onto')
     return next(iter(assigned), None)
 
@@ -228,6 +223,5 @@ def _uv_map_of(target: Any) -> str:
     return next((name for name in assigned if name in target.data.uv_layers), "")
 
 
-def _textures(materials: Iterable[Any]) -> set[Any]:
-    trees = (material.node_tree for material in materials if material and material.node_tree)
-    return {node.image for tree in trees if (node := find_node(tree, TEXTURE_NODE))} - {None}
+def _textures(trees: Iterable[Any]) -> set[Any]:
+    return {image_in(tree) for tree in trees} - {None}

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import bpy
+from mathutils import Matrix
 
 from mpsnet_core.errors import FileError, Note
 from mpsnet_core.io.files import resolved, temporary_folder
@@ -16,7 +17,7 @@ from mpsnet_core.io.files import resolved, temporary_folder
 from ..child_process.core_process import CORE, CoreProcess, Program, Work, run
 from ..image_records import refuse_to_overwrite
 from ..outputs import is_permanent
-from ..scene.mesh_file import Slices
+from ..scene.mesh_file import BegunMesh, Slices, begin_mesh
 from ..settings.declared import apply_given_settings
 from .progress import Pace, cursor_progress, redraw_panels, time_left_text
 from .reporting import ReportingOperator, verb_of
@@ -116,6 +117,15 @@ class RunsCore(ReportingOperator):
     def schedule(self, slices: Slices) -> None:
         """Called by `prepare` to schedule long work, which is done slice by slice before the core starts."""
         self._slices.append(slices)
+
+    def write_mesh(
+        self, context: Any, path: Path, obj: Any, uv_map: str | None = None, turn: Matrix | None = None
+    ) -> BegunMesh:
+        """Called by `prepare` to write an object's mesh file before the core starts: see :func:`.begin_mesh`."""
+        context.view_layer.update()
+        begun = begin_mesh(path, obj, context.evaluated_depsgraph_get(), uv_map, turn)
+        self.schedule(begun.slices)
+        return begun
 
     def take_settings(self, context: Any) -> None:
         """Take the settings of the operator's step from the scene, and store there what was given."""

@@ -20,7 +20,6 @@ from ..operators.reporting import ReportingOperator
 from ..outputs import output_path
 from ..rig.several_rigs import result_name
 from ..scene.camera import scene_camera
-from ..scene.mesh_file import begin_mesh
 from ..scene.objects import by_session_uid, check_in_scene, find_object, target_of
 from ..scene.surfaces import middle_of
 from ..settings.declared import IntSetting, StringSetting, from_option, round_as_typed
@@ -70,9 +69,8 @@ class MPS_OT_align_photo(RunsCore, AlignSettings, bpy.types.Operator):
         if photo.source == "MOVIE":
             raise InputError(f"{file.name} is a video; open one of its frames as a picture and align that")
         target = find_object(scene, self.target) if self.target else mesh_of_photo(context)
-        context.view_layer.update()
+        self.write_mesh(context, folder / "mesh.npz", target)
         take_pairs_along(photo, target)
-        self.schedule(begin_mesh(folder / "mesh.npz", target, context.evaluated_depsgraph_get(), None).slices)
         overlay = output_path("", result_name(scene, "alignment"), "PNG")
         self._camera, self._overlay = overlay.with_name(f"{overlay.stem}_camera.json"), overlay
         self._photo, self._target = photo.session_uid, target.session_uid

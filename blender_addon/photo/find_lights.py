@@ -22,7 +22,6 @@ from ..operators.core_run import RunsCore, idle
 from ..outputs import file_name, is_permanent, requested_path
 from ..preferences import output_folder
 from ..rig.several_rigs import result_name
-from ..scene.mesh_file import begin_mesh
 from ..settings.declared import apply_given_settings, options_of
 from ..settings.photo import CalibrateSettings
 from .align import mesh_of_photo
@@ -132,8 +131,7 @@ class MPS_OT_calibrate_lights(_Calibrates, bpy.types.Operator):
             return CalibratePhoto(image=(str(photo),), output=str(self._rig), **read), outputs
         camera, mesh = folder / "camera.json", folder / "mesh.npz"
         write_photo_camera(camera, scene, image)
-        context.view_layer.update()
-        self.schedule(begin_mesh(mesh, mesh_of_photo(context), context.evaluated_depsgraph_get(), None).slices)
+        self.write_mesh(context, mesh, mesh_of_photo(context))
         return CalibrateMesh(
             image=(str(photo),), mesh=str(mesh), camera=str(camera), output=str(self._rig), **read
         ), outputs

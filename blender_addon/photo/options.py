@@ -15,7 +15,6 @@ from ..image_records import made_by, remembered
 from ..images import paint_grey, pixels_of
 from ..preferences import preference
 from ..rig.rig import light_rig, rig_camera
-from ..scene.mesh_file import Slices, begin_mesh
 from ..scene.objects import check_in_scene
 from ..settings.declared import identifier, options_of, round_as_typed
 from ..settings.estimate import MODELS
@@ -32,12 +31,12 @@ def rig_file_for(photo: Any, settings: Any) -> str:
 
 
 def rig_and_camera_options(
-    context: Any, image: Any, folder: Path, schedule: Callable[[Slices], None], rig_file: str | None = None
+    context: Any, image: Any, folder: Path, write_mesh: Callable[..., Any], rig_file: str | None = None
 ) -> dict[str, Any]:
     """The core's options for the photo's rig and camera and, for near lights, its distance to the object.
 
-    schedule: that of the operator, see :class:`.RunsCore`. rig_file: the rig's file, "" for none, None for that of the
-    settings if it applies to this photo.
+    write_mesh: that of the operator, see :class:`.RunsCore`. rig_file: the rig's file, "" for none, None for that of
+    the settings if it applies to this photo.
     """
     scene, settings = context.scene, context.scene.mps.estimate
     if rig_file is None:
@@ -55,9 +54,7 @@ def rig_and_camera_options(
         options["distance"] = round_as_typed(settings.distance)
     elif settings.surface is not None and not settings.lens:
         check_in_scene(scene, settings.surface, "surface")
-        context.view_layer.update()
-        depsgraph = context.evaluated_depsgraph_get()
-        schedule(begin_mesh(folder / "surface.npz", settings.surface, depsgraph, None).slices)
+        write_mesh(context, folder / "surface.npz", settings.surface)
         options["mesh"] = str(folder / "surface.npz")
     return options
 
