@@ -127,7 +127,7 @@ def _do(verb: str, options: dict[str, Any], reporter: Reporter) -> None:
         options.setdefault("resume", True)  # the scene is what its file holds
     operator = getattr(bpy.ops.mps, verb)
     if not operator.poll():
-        raise InputError(_obstacle(verb))
+        raise InputError(getattr(bpy.types, f"MPS_OT_{verb}").lacks(bpy.context))
     with _reported(reporter) as notes:
         operator(**options)
     if save:
@@ -190,15 +190,6 @@ def _reported(reporter: Reporter) -> Iterator[NoteCollector]:
         logger.setLevel(level)
         for note in notes.notes:
             print(f"note: {note}", file=sys.stderr)  # noqa: T201
-
-
-def _obstacle(verb: str) -> str:
-    """Why a verb cannot run yet: the poll message, which only a failing call returns."""
-    try:
-        getattr(bpy.ops.mps, verb)()
-    except RuntimeError as error:
-        return " ".join(str(error).split()).split("poll() ", 1)[-1]
-    return f"{verb.replace('_', '-')} cannot run on this scene"
 
 
 def _select(names: Sequence[str]) -> None:

@@ -101,17 +101,19 @@ def load_frames(first: Path, name: str) -> bpy.types.Image:
     return image
 
 
-def load_photo(path: Path, name: str) -> bpy.types.Image:
+def load_photo(path: Path, name: str, source: Path | None = None) -> bpy.types.Image:
     """Load a photo as an image, and store the rig and camera of its sidecar files in it.
+
+    source: the photo's own file, if `path` only shows it in a form that Blender can read.
 
     Raises InputError if Blender cannot read it, or the file of its rig or camera is malformed.
     """
-    known = {what: read_sidecar(path, what) for what in ("rig", "camera")}
+    known = {what: read_sidecar(source or path, what) for what in ("rig", "camera")}
     image = load_image(path, name, is_data=False)
     if not image.size[0]:
         bpy.data.images.remove(image)
         raise FormatError(f"cannot read {path}: it is not an image or is damaged; export it again")
-    for what, text in known.items():
+    for what, text in {**known, "source": str(source.absolute()) if source else None}.items():
         remember(image, what, text)
     return image
 

@@ -13,7 +13,7 @@ from mpsnet_core.errors import GeometryError, InputError, Note, SettingsError
 from mpsnet_core.scene.camera import write_camera
 
 from ..image_records import Provenance, chosen, remembered, stamp
-from ..images import frame_pattern, image_file, load_frames, picture_size
+from ..images import frame_pattern, image_file, picture_size
 from ..outputs import FORMATS, output_frames
 from ..photo.camera import back_to_photo, camera_provenance, chosen_camera, lacks_camera, write_photo_camera
 from ..rig.rig import rig_camera
@@ -21,12 +21,9 @@ from ..scene.camera import scene_camera
 from ..scene.mesh_file import BegunMesh, Slices, begin_mesh
 from ..scene.objects import by_session_uid, view_layer
 from ..settings.bake import BakeSettings
-from .assign_textures import assign_textures, mark_assets
 from .bake_operator import BakeOperator, bake_target, known_target, low_frequencies, target_provenance, texture_name
-from .base_maps import store_base_map
 from .coverage import coverage_folder
-from .gltf_export import export_notes
-from .texture_sets import FRAME, AssignedTexture
+from .texture_sets import FRAME
 
 POOR_FIT = Note("the mesh fits the photo poorly; look at Align Photo, in Camera", level="stop")
 NO_CAMERA = "Where was the photo taken from? Press Align Photo in the step Photo, or choose the camera there"
@@ -173,33 +170,8 @@ class MPS_OT_bake(BakeOperator, BakeSettings, bpy.types.Operator):
 
     def finish(self, context: Any, result: dict[str, Any]) -> None:
         scene = self.scene(f"its texture is in {self._output}")
-        if self._frames:
-            self._assign_frames(scene, Path(result["first_output"]))
-            counts = f"{result['count']} textures are in {self._output}, {result['made']} made now"
-            self.tell(counts)
-            return
         self.assign_result(scene, result)
         self.tell(self.written(result))
-
-    def _assign_frames(self, scene: Any, first: Path) -> None:
-        """Load a sequence of textures and assign it to the target, unless the files alone are wanted."""
-        if not self.assign:
-            return
-        (onto,) = self._bake_targets
-        target = by_session_uid(bpy.data.objects, onto.uid)
-        if target is None:
-            raise InputError(f"the target is gone; its textures are in {self._output}")
-        image = load_frames(first, f"MPS {target.name} Frames")
-        self.made(image)
-        scene.mps.bake.image = image
-        if (None, None) in self._bases:
-            store_base_map(image, self._bases[None, None])
-        assigned = [AssignedTexture(target, (image,), onto.uv_map)]
-        for note in export_notes(self.space, self.convention):
-            self.note(note)
-        for sentence in assign_textures(assigned, self.space, self.convention, self._frames):
-            self.tell(sentence)
-        mark_assets(assigned, self.mark_asset)
 
 
 MESHES, CAMERAS = "mesh_######.npz", "camera_######.json"

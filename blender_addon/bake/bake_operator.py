@@ -17,6 +17,7 @@ from mpsnet_core.scene.texture_names import albedo_file
 from ..appearance.shader_graph import normal_inputs, uses_nodes
 from ..child_process.core_process import Work
 from ..image_records import Provenance, images_of, remember, remembered
+from ..images import load_frames
 from ..operators.core_run import RunsCore
 from ..outputs import output_path, overruled_format, requested_folder
 from ..scene.mesh_file import BegunMesh, slot_labels
@@ -62,6 +63,7 @@ class BakeOperator(RunsCore):
     )
 
     _coloured = False  # whether the albedo is baked as well
+    _frames = range(0)  # of the timeline, if a sequence is baked
 
     def _prepared(self, context: Any, folder: Path) -> tuple[Work, Sequence[Path]]:
         settings = context.scene.mps.bake
@@ -171,20 +173,24 @@ class BakeOperator(RunsCore):
         existing = [(one, by_session_uid(bpy.data.objects, one.uid)) for one in self._bake_targets]
         if not any(target for _, target in existing):
             raise InputError(f"the target is gone; its texture is in {self._output}")
-        written = [from_facts(WrittenTexture, facts) for facts in result["outputs"]]
-        images = load_textures(written, self._bake_targets[0].name)
-        coverage = load_textures(written, self._bake_targets[0].name, "coverage")
-        for part, image in images.items():
+        bake, name = scene.mps.bake, self._bake_targets[0].name
+        written = [from_facts(WrittenTexture, facts) for facts in result.get("outputs", ())]
+        images, coverage, albedos = (load_textures(written, name, what) for what in ("", "coverage", "albedo"))
+        if self._frames:
+            images = {(None, None): load_frames(Path(result["first_output"]), f"MPS {name} Frames")}
+        for image in (*images.values(), *albedos.values()):
             self.made(image)
-            store_coverage(image, coverage[part])
-            remember(image, SEEN, str(result["seen"]))
+        for part, image in images.items():
+            if part in coverage:
+                store_coverage(image, coverage[part])
+                remember(image, SEEN, str(result["seen"]))
             if part in self._bases:
                 store_base_map(image, self._bases[part])
-        scene.mps.bake.image = next(iter(images.values()))
-        bake = scene.mps.bake
+        bake.image = next(iter(images.values()))
         assigned = _assigned(existing, images)
-        sentences = assign_textures(assigned, bake.space, bake.convention)
-        for sentence in [*sentences, *self._assign_albedo(existing, written)]:
+        sentences = assign_textures(assigned, bake.space, bake.convention, self._frames)
+        sentences += [f'The albedo is baked too: image "{image.name}"' for image in albedos.values()]
+        for sentence in [*sentences, *assign_albedo(_assigned(existing, albedos))]:
             self.tell(sentence)
         unshown = [*_without_normal(assigned), *_of_modifiers(self._bake_targets)]
         mixed = bake.tiles and any(len({*one.target.material_slots.keys()}) > 1 for one in assigned)
@@ -192,18 +198,10 @@ class BakeOperator(RunsCore):
             self.note(note)
         mark_assets(assigned, bake.mark_asset)
 
-    def _assign_albedo(
-        self, existing: Sequence[tuple[BakeTarget, Any]], written: Sequence[WrittenTexture]
-    ) -> list[str]:
-        """Load the albedos and assign them to their objects. Returns notes."""
-        images = load_textures(written, self._bake_targets[0].name, "albedo")
-        for image in images.values():
-            self.made(image)
-        names = [f'The albedo is baked too: image "{image.name}"' for image in images.values()]
-        return [*names, *assign_albedo(_assigned(existing, images))]
-
     def written(self, result: dict[str, Any]) -> str:
         """A sentence on the files that were written."""
+        if self._frames:
+            return f"{result['count']} textures are in {self._output}, {result['made']} made now"
         count = len(result["outputs"])
         one = f"Texture written to {result['outputs'][0]['output']}"
         return one if count == 1 else f"{count} textures written to {self._output}"

@@ -14,7 +14,7 @@ import bpy
 from mpsnet_core.errors import FileError, Note
 
 from ..errors import operator_errors
-from ..scene.objects import view_layer
+from ..scene.objects import temporarily, view_layer
 
 # --- libraries --------------------------------------------------------------------------------------------------------
 
@@ -143,14 +143,10 @@ def save_copy(path: Path, *, compress: bool, mend: str) -> None:
     Raises InputError if the copy cannot be written. mend: advice in its message.
     """
     preferences = bpy.context.preferences
-    changed, preview = preferences.is_dirty, preferences.filepaths.file_preview_type
-    packing = bpy.data.use_autopack
+    changed, preview = preferences.is_dirty, (preferences.filepaths, "file_preview_type", "NONE")
+    # Packing would also pack files in the open file, and fail if one is missing.
     try:
-        bpy.data.use_autopack = False  # it would also pack files in the open file, and fail if one is missing
-        preferences.filepaths.file_preview_type = "NONE"
-        with operator_errors(f"cannot write {path}", mend):
+        with temporarily((bpy.data, "use_autopack", False), preview), operator_errors(f"cannot write {path}", mend):
             bpy.ops.wm.save_as_mainfile(filepath=str(path), copy=True, compress=compress)
     finally:
-        bpy.data.use_autopack = packing
-        preferences.filepaths.file_preview_type = preview
         preferences.is_dirty = changed  # otherwise Blender would save the preferences when it quits

@@ -34,7 +34,7 @@ from ..image_records import Provenance, chosen, remembered, stamp
 from ..images import image_file, load_image, load_tiles, tile_files
 from ..outputs import output_path, overruled_format
 from ..scene.objects import by_session_uid
-from ..scene.surfaces import world_scale
+from ..scene.surfaces import values_of, world_scale
 from ..settings.declared import options_of, round_as_typed
 from ..settings.heights import DisplaceSettings
 
@@ -186,10 +186,8 @@ class MPS_OT_displace(BakeOperator, DisplaceSettings, bpy.types.Operator):
 def _suited(target: Any, pixels: int) -> tuple[int, float]:
     """Subdivisions and broadest bumps, as a fraction of its size, for a mesh with a texture of so many pixels."""
     mesh = target.data
-    areas, uvs = np.empty(len(mesh.polygons), np.float32), np.empty(2 * len(mesh.loops), np.float32)
-    mesh.polygons.foreach_get("area", areas)
-    mesh.uv_layers[_uv_map_of(target) or mesh.uv_layers.active.name].uv.foreach_get("vector", uvs)
-    across = np.ptp(np.clip(uvs.reshape(-1, 2), 0, 1), axis=0)
+    areas, layer = values_of(mesh.polygons, "area", 1), _uv_map_of(target) or mesh.uv_layers.active.name
+    across = np.ptp(np.clip(values_of(mesh.uv_layers[layer].uv, "vector", 2), 0, 1), axis=0)
     edge, texel = np.sqrt(areas.mean()), np.sqrt(areas.sum() / max(float(across.prod()), 1e-6)) / max(pixels, 1)
     most = np.log(_MOST_FACES / max(len(areas), 1)) / np.log(4)
     levels = int(np.clip(np.floor(min(np.log2(edge / (_TEXELS_A_FACE * texel)), most)), 0, _MOST_LEVELS))

@@ -97,19 +97,20 @@ def written_job(context: Any, what: RenderKind, output: Path, folder: Path) -> d
     caches = original.with_name(f"blendcache_{original.stem}")  # next to a file and named after it, as for the copy
     if bpy.data.filepath and caches.is_dir():
         shutil.copytree(caches, folder / caches.name, ignore=_no_files)
-    job = RenderJob(
-        str(copy),
-        what,
-        context.scene.name,
-        context.scene.mps.chosen_rig,
-        context.view_layer.name,
-        str(output),
-        take_run_permission(),
-        painted,
-        missing_links(),
-        bake_folders(besides=caches) if bpy.data.filepath else [],
+    return asdict(
+        RenderJob(
+            str(copy),
+            what,
+            context.scene.name,
+            context.scene.mps.chosen_rig,
+            context.view_layer.name,
+            str(output),
+            take_run_permission(),
+            painted,
+            missing_links(),
+            bake_folders(besides=caches) if bpy.data.filepath else [],
+        )
     )
-    return asdict(job)
 
 
 def _no_files(folder: str, names: list[str]) -> list[str]:

@@ -19,7 +19,7 @@ from mpsnet_core.io.files import HEIF_SUFFIXES, IMAGE_SUFFIXES, PHOTO_SUFFIXES, 
 from ..child_process.core_process import Program, Work, run
 from ..child_process.linked_data import not_found
 from ..child_process.trust import blocked_scripts_note
-from ..image_records import Provenance, chosen, file_stamp, origin, read_sidecar, remember, rounded
+from ..image_records import Provenance, chosen, file_stamp, origin, remember, rounded
 from ..images import frame_pattern, image_file, load_photo
 from ..openimageio import load_openimageio
 from ..operators.choose_file import remember_folder, start_folder
@@ -239,21 +239,14 @@ def _is_shown_as_read(path: Path) -> bool:
 
 
 def load_any_photo(path: Path) -> bpy.types.Image:
-    """An image that shows a photo as the core reads it."""
-    return load_photo(path, path.stem) if _is_shown_as_read(path) else load_converted(path)
-
-
-def load_converted(path: Path) -> bpy.types.Image:
     """An image that shows a photo as the core reads it. Operations still read the photo's own file."""
+    if _is_shown_as_read(path):
+        return load_photo(path, path.stem)
     # Cameras number files in the same way: photos in different folders may have the same name.
     number = hashlib.sha256(os.fsencode(path.absolute())).hexdigest()[:8]
     shown = Path(bpy.app.tempdir) / f"{path.stem}_{number}.exr"
     run(Superpose(image=(str(path),), encoding="auto", channels=False, output=str(shown)), [shown])
-    image = load_photo(shown, path.stem)
-    remember(image, "source", str(path.absolute()))
-    for what in ("rig", "camera"):
-        remember(image, what, read_sidecar(path, what))
-    return image
+    return load_photo(shown, path.stem, path)
 
 
 class MPS_OT_render_truth(_Renders, bpy.types.Operator):

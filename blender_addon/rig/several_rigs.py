@@ -19,7 +19,7 @@ from mpsnet_core.errors import InputError, SettingsError
 from ..operators.core_run import RunContext, RunsCore, idle
 from ..operators.reporting import ReportingOperator
 from ..outputs import requested_folder, unique_name
-from ..scene.objects import by_session_uid
+from ..scene.objects import by_session_uid, temporarily
 from ..scene.surfaces import bounding_sphere
 from ..settings.declared import OF_ONE_RUN, BoolSetting, FloatSetting, IntSetting, setting_names
 from ..settings.scene import STEPS
@@ -152,11 +152,8 @@ class OnEachRig(RunsCore):
         for one in self.properties.bl_rna.properties:
             if one.identifier not in {"rna_type", *self._given}:  # a value of the previous rig
                 self.properties.property_unset(one.identifier)
-        chosen, scene.mps.chosen_rig = scene.mps.chosen_rig, place
-        try:
+        with temporarily((scene.mps, "chosen_rig", place)):
             yield
-        finally:
-            scene.mps.chosen_rig = chosen
 
 
 def new_rig(scene: Any) -> None:

@@ -5,8 +5,7 @@ responsive.
 """
 
 import zipfile
-from collections.abc import Generator, Iterable, Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Generator, Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -20,7 +19,8 @@ from mpsnet_core.errors import GeometryError
 from mpsnet_core.scene.mesh import Mesh, join_meshes
 
 from ..appearance.modifiers import DISPLACE, SMOOTHNESS, SUBDIVISION, find_modifier
-from .surfaces import SURFACES, world_scale
+from .objects import temporarily
+from .surfaces import SURFACES, values_of, world_scale
 
 # Settings of modifiers for the viewport, and their counterparts for renders.
 _SHOWN_AND_RENDERED = (
@@ -78,7 +78,7 @@ def begin_mesh(path: Path, obj: Any, depsgraph: Any, uv_map: str | None, turn: M
         obj.update_from_editmode()
     if obj.mode == "EDIT" or bpy.app.background:  # scripts may not tag their changes; tagging causes a redraw
         obj.data.update_tag()
-    with _without_simplify(depsgraph.scene), as_rendered(obj):
+    with temporarily((depsgraph.scene.render, "use_simplify", False), *as_rendered(obj)):
         depsgraph.update()
         evaluated = obj.evaluated_get(depsgraph)
         if not evaluated.is_evaluated:
@@ -93,13 +93,13 @@ def begin_mesh(path: Path, obj: Any, depsgraph: Any, uv_map: str | None, turn: M
                 raise GeometryError(_lacking(obj, "no faces", "choose an object with a surface", obj.data.polygons))
             if uv_map is not None:
                 uv_map = _uv_map(obj, mesh, uv_map)
-            polygons = _read(mesh.loop_triangle_polygons, "value", 1, np.int32).ravel()
+            polygons = values_of(mesh.loop_triangle_polygons, "value", 1, np.int32).ravel()
             names = _material_arrays(mesh, obj, polygons)
             vertices, of_corner, normals, corners = _shape(mesh)
             if uv_map is None:
                 uvs, in_uvs = np.array([[0, 0], [1, 0], [0, 1]], np.float32), np.zeros_like(corners) + np.arange(3)
             else:
-                uvs, in_uvs = _read(mesh.uv_layers[uv_map].uv, "vector", 2), corners
+                uvs, in_uvs = values_of(mesh.uv_layers[uv_map].uv, "vector", 2), corners
         finally:
             evaluated.to_mesh_clear()
     arrays: dict[str, _Array] = {
@@ -169,45 +169,21 @@ def _written(path: Path, arrays: Mapping[str, _Array]) -> Slices:
                     yield False
 
 
-@contextmanager
-def _without_simplify(scene: Any) -> Iterator[None]:
-    """Within the with block, the scene's Simplify is off, as in the photo."""
-    before = scene.render.use_simplify
-    if before:
-        scene.render.use_simplify = False
-    try:
-        yield
-    finally:
-        if before:
-            scene.render.use_simplify = True
-
-
-@contextmanager
-def as_rendered(obj: Any) -> Iterator[None]:
-    """Within the with block, the object's modifiers have their render settings in the viewport's dependency graph.
+def as_rendered(obj: Any) -> list[tuple[Any, str, Any]]:
+    """The render settings of an object's modifiers as those of the viewport, for :func:`.temporarily`.
 
     The add-on's own displacement is off.
     """
-    changed = []
-    try:
-        for modifier in obj.modifiers:
-            if modifier in [find_modifier(obj, name) for name in (SMOOTHNESS, SUBDIVISION, DISPLACE)]:
-                wanted = {"show_viewport": False}
-            else:
-                wanted = {
-                    shown: getattr(modifier, rendered)
-                    for shown, rendered in _SHOWN_AND_RENDERED
-                    if hasattr(modifier, shown) and hasattr(modifier, rendered)
-                }
-            for shown, value in wanted.items():
-                before = getattr(modifier, shown)
-                if before != value:  # setting a property, even to its own value, redraws the object
-                    changed.append((modifier, shown, before))
-                    setattr(modifier, shown, value)
-        yield
-    finally:
-        for modifier, shown, value in changed:
-            setattr(modifier, shown, value)
+    own = [find_modifier(obj, name) for name in (SMOOTHNESS, SUBDIVISION, DISPLACE)]
+    settings: list[tuple[Any, str, Any]] = []
+    for modifier in obj.modifiers:
+        if modifier in own:
+            settings.append((modifier, "show_viewport", False))
+            continue
+        for shown, rendered in _SHOWN_AND_RENDERED:
+            if hasattr(modifier, shown) and hasattr(modifier, rendered):
+                settings.append((modifier, shown, getattr(modifier, rendered)))
+    return settings
 
 
 def slot_labels(obj: Any) -> list[str]:
@@ -228,7 +204,7 @@ def _material_arrays(mesh: Any, obj: Any, polygons: NDArray[np.int32]) -> dict[s
     labels = labels or [_label(None, obj)]
     of_polygon = np.zeros(len(mesh.polygons), np.int32)
     if "material_index" in mesh.attributes:  # much faster than the triangles' own
-        mesh.attributes["material_index"].data.foreach_get("value", of_polygon)
+        of_polygon = values_of(mesh.attributes["material_index"].data, "value", 1, np.int32).ravel()
     names = list(dict.fromkeys(labels))
     slots = np.array([names.index(label) for label in labels], np.int32)
     of_polygon = np.minimum(of_polygon, len(slots) - 1)  # as Blender clamps indices beyond the last slot
@@ -266,14 +242,8 @@ def _uv_map(obj: Any, mesh: Any, name: str) -> str:
 def _shape(mesh: Any) -> tuple[NDArray[Any], ...]:
     """A mesh's vertices (V, 3), its corners' vertices (C,) and normals (C, 3), and its triangles' corners (T, 3)."""
     return (
-        _read(mesh.attributes["position"].data, "vector", 3),
-        _read(mesh.attributes[".corner_vert"].data, "value", 1, np.int32).ravel(),
-        _read(mesh.corner_normals, "vector", 3),
-        _read(mesh.loop_triangles, "loops", 3, np.int32),
+        values_of(mesh.attributes["position"].data, "vector", 3),
+        values_of(mesh.attributes[".corner_vert"].data, "value", 1, np.int32).ravel(),
+        values_of(mesh.corner_normals, "vector", 3),
+        values_of(mesh.loop_triangles, "loops", 3, np.int32),
     )
-
-
-def _read(elements: Any, attribute: str, width: int, kind: type = np.float32) -> NDArray[Any]:
-    values: NDArray[Any] = np.empty(len(elements) * width, kind)
-    elements.foreach_get(attribute, values)
-    return values.reshape(-1, width)

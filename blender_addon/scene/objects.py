@@ -1,11 +1,28 @@
-"""Look-up of objects in a scene: by session UID, by name, and by visibility in a render."""
+"""Objects of a scene by session UID, by name and by visibility in a render, and settings that change for a while."""
 
 from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Any
 
 import bpy
 
 from mpsnet_core.errors import InputError
+
+
+@contextmanager
+def temporarily(*settings: tuple[Any, str, Any]) -> Iterator[None]:
+    """Within the with block, settings have other values: each is an owner, a name and a value."""
+    changed = []
+    try:
+        for owner, name, value in settings:
+            before = getattr(owner, name)
+            if before != value:  # setting a property, even to its own value, redraws what it belongs to
+                changed.append((owner, name, before))
+                setattr(owner, name, value)
+        yield
+    finally:
+        for owner, name, before in changed:
+            setattr(owner, name, before)
 
 
 def by_session_uid(datablocks: Any, session_uid: int) -> Any:

@@ -1,5 +1,6 @@
 """Storage of settings in the scene and in photos, and of the running job in the window manager."""
 
+from operator import attrgetter
 from typing import Any
 
 import bpy
@@ -102,20 +103,9 @@ class MPS_PG_scene(bpy.types.PropertyGroup):
         """The groups with ``rig``, ``photo`` and ``estimate`` of all rigs, in the list's order."""
         return list(self.rigs) or [self.chosen]
 
-    @property
-    def rig(self) -> Any:
-        """The chosen rig's settings and objects."""
-        return self.chosen.rig
-
-    @property
-    def photo(self) -> Any:
-        """The chosen rig's photo."""
-        return self.chosen.photo
-
-    @property
-    def estimate(self) -> Any:
-        """The normals of the chosen rig's photo."""
-        return self.chosen.estimate
+    rig = property(attrgetter("chosen.rig"), doc="The chosen rig's settings and objects.")
+    photo = property(attrgetter("chosen.photo"), doc="The chosen rig's photo.")
+    estimate = property(attrgetter("chosen.estimate"), doc="The normals of the chosen rig's photo.")
 
 
 class MPS_PG_job(bpy.types.PropertyGroup):

@@ -29,6 +29,8 @@ from mpsnet_core.synthesis.shapes import Shape
 from ...errors import operator_errors
 from ...photo.studio import refuse_glow
 from ...scene.mesh_file import as_rendered
+from ...scene.objects import temporarily
+from ...scene.surfaces import values_of
 from .materials import PART, build_material
 
 _ALL_BUT_BLACK = 1e-6  # Cycles skips black lights
@@ -149,7 +151,7 @@ def open_objects(path: Path, names: Sequence[str]) -> SceneObjects:
     owners, meshes = set(), []
     with ExitStack() as stack:
         for obj in wanted:
-            stack.enter_context(as_rendered(obj))
+            stack.enter_context(temporarily(*as_rendered(obj)))
         depsgraph = bpy.context.evaluated_depsgraph_get()
         for instance in depsgraph.object_instances:
             owner = (instance.parent or instance.object).original
@@ -178,14 +180,10 @@ def open_objects(path: Path, names: Sequence[str]) -> SceneObjects:
 def _at_unit_size(meshes: list[tuple[Any, Matrix]]) -> SceneObjects:
     clouds, triangles, count = [], [], 0
     for mesh, matrix in meshes:
-        points = np.empty(3 * len(mesh.vertices), np.float32)
-        mesh.vertices.foreach_get("co", points)
         world = np.array(matrix)
-        clouds.append(points.reshape(-1, 3) @ world[:3, :3].T + world[:3, 3])
+        clouds.append(values_of(mesh.vertices, "co", 3) @ world[:3, :3].T + world[:3, 3])
         mesh.calc_loop_triangles()
-        corners = np.empty(3 * len(mesh.loop_triangles), np.int32)
-        mesh.loop_triangles.foreach_get("vertices", corners)
-        triangles.append(corners.reshape(-1, 3) + count)
+        triangles.append(values_of(mesh.loop_triangles, "vertices", 3, np.int32) + count)
         count += len(mesh.vertices)
     vertices = np.concatenate(clouds)
     used = vertices[np.unique(np.concatenate(triangles))]
