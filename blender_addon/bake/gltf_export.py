@@ -107,12 +107,10 @@ def _changed(data: bytes, kind: str, change: Callable[[NDArray[Any]], NDArray[An
         pixels = given.get_pixels(depth)
         if pixels is None:
             raise FileError(f"the image cannot be turned for glTF: {given.geterror()}")
-        pixels = change(pixels)
-        height, width, channels = pixels.shape
-        target = oiio.ImageOutput.create(str(file))
-        if not (target.open(str(file), oiio.ImageSpec(width, height, channels, depth)) and target.write_image(pixels)):
-            raise FileError(f"the image cannot be turned for glTF: {target.geterror()}")
-        target.close()
+        pixels = np.ascontiguousarray(change(pixels))
+        made = oiio.ImageBuf(pixels)
+        if not made.write(str(file)):
+            raise FileError(f"the image cannot be turned for glTF: {made.geterror()}")
         return file.read_bytes()
 
 

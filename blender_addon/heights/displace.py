@@ -19,7 +19,7 @@ from ..appearance.displacement import (
     show_normals,
     show_object_normals,
 )
-from ..appearance.modifiers import DISPLACE, keep_smoothness, move_by_modifier, remove_modifier, subdivide, subdivided
+from ..appearance.modifiers import DISPLACE, TRIAL, keep_smoothness, move_by_modifier, remove_modifier, subdivide
 from ..appearance.nodes import NORMAL_NODE, TEXTURE_NODE, find_node, image_in, trees_of
 from ..appearance.shader_graph import output_of
 from ..bake.bake_operator import BakeOperator
@@ -103,8 +103,12 @@ class MPS_OT_displace(BakeOperator, DisplaceSettings, bpy.types.Operator):
         self._smooth = self.subdivision == "SIMPLE" and round_as_typed(self.scale) > 0
         base = folder / "base.npz" if self.levels and not self._smooth else None
         if base:
-            with subdivided(target, self.subdivision, min(self.levels, MAX_BASE_LEVELS)):
+            levels = min(self.levels, MAX_BASE_LEVELS)
+            subdivide(target, self.subdivision, levels, levels, TRIAL)
+            try:
                 self.write_mesh(context, base, target, self._uv_map, turn)
+            finally:
+                remove_modifier(target, TRIAL)
         operation = Integrate(
             normals=str(texture),
             height=str(self._output),

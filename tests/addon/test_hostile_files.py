@@ -19,7 +19,7 @@ from blender_addon.panels.step import Kind
 from blender_addon.panels.text import lines, shortened
 from blender_addon.photo.background_render import rendering_blender, written_job
 from blender_addon.settings.scene import STEPS
-from blender_addon.training.samples.render import _Worker
+from blender_addon.training.samples.render import _make
 from blender_addon.training.training_data import SCENE_FILE
 from mpsnet_core.synthesis.job import SampleJob
 
@@ -293,7 +293,7 @@ def test_no_simulation_writes_or_clears_where_the_file_says(theirs, tmp_path, wh
         (theirs / name).mkdir(parents=True)
         (theirs / name / "mine.txt").write_text("mine")
     if what == "sample":
-        _Worker().make(job, 0, output / "sample_000000.exr")
+        _make(job, 0, output / "sample_000000.exr")
     else:
         CoreProcess(arguments, [output], rendering_blender(folder)).result()
     assert sorted(path.name for path in theirs.rglob("*")) == ["data", "mine.txt", "mine.txt", "points"]

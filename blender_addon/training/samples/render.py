@@ -5,6 +5,7 @@ starts several Blenders that render samples on request.
 """
 
 import os
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -126,12 +127,32 @@ def add_denoising(scene: Any, passes: list[str], path: Path) -> Path:
         tree.nodes.clear()
     rendered = tree.nodes.new("CompositorNodeRLayers")
     rendered.scene = scene
-    written = _Written(tree, path)
-    written.add("RGBA", "Combined", rendered.outputs["Image"])
-    written.add("VECTOR", "Normal", rendered.outputs["Normal"])
+    output = tree.nodes.new("CompositorNodeOutputFile")
+    if bpy.app.version >= (5, 0):
+        output.format.media_type = "MULTI_LAYER_IMAGE"
+        output.directory, output.file_name = with_escaped_braces(path.parent), path.stem
+    else:
+        output.base_path = with_escaped_braces(path.with_suffix(""))
+        path = path.with_name(f"{path.stem}{_FRAME:04d}{path.suffix}")
+    output.format.file_format = "OPEN_EXR_MULTILAYER"
+    output.format.color_mode, output.format.color_depth, output.format.exr_codec = "RGBA", "32", "ZIPS"
+    if bpy.app.version < (5, 0):
+        output.layer_slots.clear()
+
+    def add(kind: str, name: str, image: Any) -> None:
+        """Write an image as a layer. kind: RGBA, VECTOR or FLOAT."""
+        name = f"{LAYER}.{name}"
+        if bpy.app.version >= (5, 0):
+            output.file_output_items.new(kind, name)
+        else:
+            output.layer_slots.new(name)
+        tree.links.new(image, output.inputs[name])
+
+    add("RGBA", "Combined", rendered.outputs["Image"])
+    add("VECTOR", "Normal", rendered.outputs["Normal"])
     for one in passes:
-        output = rendered.outputs[one]
-        written.add("FLOAT" if output.type == "VALUE" else "RGBA", one, output)
+        kind = "FLOAT" if rendered.outputs[one].type == "VALUE" else "RGBA"
+        add(kind, one, rendered.outputs[one])
     for group in LIGHT_GROUPS:
         denoise = tree.nodes.new("CompositorNodeDenoise")
         # The guide passes have almost no noise, and prefiltering would remove fine texture.
@@ -143,36 +164,8 @@ def add_denoising(scene: Any, passes: list[str], path: Path) -> Path:
         tree.links.new(rendered.outputs[combined], denoise.inputs["Image"])
         tree.links.new(rendered.outputs["Denoising Normal"], denoise.inputs["Normal"])
         tree.links.new(rendered.outputs["Denoising Albedo"], denoise.inputs["Albedo"])
-        written.add("RGBA", combined, denoise.outputs[0])
-    return written.path
-
-
-class _Written:
-    """The compositor's File Output node, as a multi-layer EXR."""
-
-    def __init__(self, tree: Any, path: Path) -> None:
-        self.tree, self.node = tree, tree.nodes.new("CompositorNodeOutputFile")
-        settings = self.node.format
-        if bpy.app.version >= (5, 0):
-            settings.media_type = "MULTI_LAYER_IMAGE"
-            self.node.directory, self.node.file_name = with_escaped_braces(path.parent), path.stem
-            self.path = path
-        else:
-            self.node.base_path = with_escaped_braces(path.with_suffix(""))
-            self.path = path.with_name(f"{path.stem}{_FRAME:04d}{path.suffix}")
-        settings.file_format = "OPEN_EXR_MULTILAYER"
-        settings.color_mode, settings.color_depth, settings.exr_codec = "RGBA", "32", "ZIPS"
-        if bpy.app.version < (5, 0):
-            self.node.layer_slots.clear()
-
-    def add(self, kind: str, name: str, image: Any) -> None:
-        """Write an image as a layer. kind: RGBA, VECTOR or FLOAT."""
-        name = f"{LAYER}.{name}"
-        if bpy.app.version >= (5, 0):
-            self.node.file_output_items.new(kind, name)
-        else:
-            self.node.layer_slots.new(name)
-        self.tree.links.new(image, self.node.inputs[name])
+        add("RGBA", combined, denoise.outputs[0])
+    return path
 
 
 def work(folder: str | os.PathLike[str]) -> None:
@@ -180,26 +173,20 @@ def work(folder: str | os.PathLike[str]) -> None:
 
     If the job uses a scene's own objects, the folder's ``scene.blend`` is opened.
     """
-    serve(folder, _Worker().make)
+    serve(folder, _make)
 
 
-class _Worker:
-    """Makes samples, one after the other. The scene's own objects are read once."""
+def _make(job: SampleJob, number: int, path: Path) -> None:
+    if job.renderer != "cycles":
+        raise InputError(f"the job in {path.parent} is not for Blender; continue it with mpsnet make")
+    recipe = draw_scene(job, number)
+    of_scene = recipe.shape["kind"] == "scene"
+    shown = _objects(path.parent, job.objects) if of_scene else build_shape(recipe.shape, job.meshes)
+    write_sample(path, render_sample(recipe, shown, job.samples, path, denoise=job.denoise))
 
-    def __init__(self) -> None:
-        self.objects: SceneObjects | None = None
 
-    def make(self, job: SampleJob, number: int, path: Path) -> None:
-        if job.renderer != "cycles":
-            raise InputError(f"the job in {path.parent} is not for Blender; continue it with mpsnet make")
-        recipe = draw_scene(job, number)
-        shown = self._shown(recipe, job, path.parent)
-        write_sample(path, render_sample(recipe, shown, job.samples, path, denoise=job.denoise))
-
-    def _shown(self, recipe: SceneDescription, job: SampleJob, folder: Path) -> Shape | SceneObjects:
-        if recipe.shape["kind"] != "scene":
-            return build_shape(recipe.shape, job.meshes)
-        if self.objects is None:
-            with temporary_folder() as caches, simulations_write_into(caches):
-                self.objects = open_objects(folder / SCENE_FILE, job.objects)
-        return self.objects
+@lru_cache(maxsize=1)
+def _objects(folder: Path, names: tuple[str, ...]) -> SceneObjects:
+    """The scene's own objects, which are read once."""
+    with temporary_folder() as caches, simulations_write_into(caches):
+        return open_objects(folder / SCENE_FILE, names)
