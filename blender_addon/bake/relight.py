@@ -3,7 +3,6 @@
 import json
 import math
 import time
-from collections.abc import Iterator
 from contextlib import suppress
 from typing import Any
 
@@ -140,7 +139,8 @@ def _end(context: Any) -> None:
     settings.hidden.clear()
     remove_overlays(settings.overlays)
     # Restore the viewport in which it was started: the one that still has this shading.
-    for shading in _all_shadings() if settings.shading else ():
+    areas = [area for screen in bpy.data.screens for area in screen.areas if area.type == "VIEW_3D"]
+    for shading in (area.spaces.active.shading for area in areas) if settings.shading else ():
         if shading.type == _SHADING["type"] and all(
             _alike(getattr(shading, name), _SHADING[name]) for name in _SHADING
         ):
@@ -154,14 +154,6 @@ def _towards_viewer(context: Any) -> Matrix:
         return context.region_data.view_rotation.to_matrix()
     target = context.scene.mps.rig.target
     return target.matrix_world.to_3x3() if target else Euler((math.pi / 2, 0, 0)).to_matrix()
-
-
-def _all_shadings() -> Iterator[Any]:
-    """The shadings of the viewports of all workspaces."""
-    for screen in bpy.data.screens:
-        for area in screen.areas:
-            if area.type == "VIEW_3D":
-                yield area.spaces.active.shading
 
 
 def _alike(one: Any, other: Any) -> bool:

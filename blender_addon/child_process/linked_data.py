@@ -83,14 +83,13 @@ def is_gone(one: Any) -> bool:
 def not_found(scene: Any) -> list[Note]:
     """A sentence if files that a photo of the scene may show are missing; otherwise nothing."""
     kinds = (bpy.types.Image, bpy.types.VectorFont, bpy.types.Volume, bpy.types.CacheFile)
-    single = [one for one in _used(scene) if isinstance(one, kinds) and _is_one_file(one)]
-    names = sorted({Path(bpy.path.abspath(one.filepath)).name for one in single if is_gone(one)})
+    gone = (one for one in _used(scene) if isinstance(one, kinds) and is_gone(one))
+    single = [
+        one for one in gone if getattr(one, "source", "FILE") == "FILE" and not getattr(one, "is_sequence", False)
+    ]
+    names = sorted({Path(bpy.path.abspath(one.filepath)).name for one in single})
     words = "not found, and what they bring may be missing from the render: %s"
     return [Note(words, ", ".join(names), level="look")] if names else []
-
-
-def _is_one_file(one: Any) -> bool:
-    return one.source == "FILE" if isinstance(one, bpy.types.Image) else not getattr(one, "is_sequence", False)
 
 
 # --- bakes of geometry nodes ------------------------------------------------------------------------------------------

@@ -97,20 +97,17 @@ def seen_through(scene: Any, image: Any, lens: float, folder: Path) -> dict[str,
 
 
 def network(settings: Any) -> dict[str, Any]:
-    """The core's options for the model from the settings, and for the device of networks from the preferences."""
-    provider, threads = preference("provider").lower(), preference("threads")
-    return {"model": model_name(settings), "provider": provider, "threads": threads}
+    """The core's options for the model from the settings, and for the device of networks from the preferences.
 
-
-def model_name(settings: Any) -> str:
-    """The model's name for the core. Raises SettingsError if it is from a file but no file is set."""
-    if settings.model == identifier(BY_PHOTO):
-        return BY_PHOTO
-    if settings.model != "FILE":
-        return MODELS[settings.model].name
-    if not settings.model_file:
-        raise SettingsError("the model is a file but none is named; choose an .onnx file")
-    return bpy.path.abspath(settings.model_file)
+    Raises SettingsError if the model is from a file but no file is set.
+    """
+    if settings.model == "FILE":
+        if not settings.model_file:
+            raise SettingsError("the model is a file but none is named; choose an .onnx file")
+        model = bpy.path.abspath(settings.model_file)
+    else:
+        model = BY_PHOTO if settings.model == identifier(BY_PHOTO) else MODELS[settings.model].name
+    return {"model": model, "provider": preference("provider").lower(), "threads": preference("threads")}
 
 
 def reading(settings: Any, unmasked: str = MASK, painted: str = "") -> dict[str, Any]:
