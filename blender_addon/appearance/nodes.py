@@ -14,15 +14,11 @@ UV_NODE = "MPS UV"
 
 
 _KINDS = {
-    TEXTURE_NODE: "ShaderNodeTexImage",
+    **dict.fromkeys((TEXTURE_NODE, ALBEDO_NODE, HEIGHT_NODE, OBJECT_TEXTURE_NODE), "ShaderNodeTexImage"),
+    **dict.fromkeys((NORMAL_NODE, OBJECT_NORMAL_NODE), "ShaderNodeNormalMap"),
     GREEN_NODE: "ShaderNodeVectorMath",
-    NORMAL_NODE: "ShaderNodeNormalMap",
-    ALBEDO_NODE: "ShaderNodeTexImage",
     UV_NODE: "ShaderNodeUVMap",
-    HEIGHT_NODE: "ShaderNodeTexImage",
     DISPLACEMENT_NODE: "ShaderNodeDisplacement",
-    OBJECT_TEXTURE_NODE: "ShaderNodeTexImage",
-    OBJECT_NORMAL_NODE: "ShaderNodeNormalMap",
     BEFORE_NODE: "NodeReroute",
 }
 

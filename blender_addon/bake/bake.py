@@ -21,8 +21,7 @@ from ..scene.camera import scene_camera
 from ..scene.mesh_file import BegunMesh, Slices, begin_mesh
 from ..scene.objects import by_session_uid, view_layer
 from ..settings.bake import BakeSettings
-from .bake_operator import BakeOperator, bake_target, known_target, low_frequencies, target_provenance, texture_name
-from .coverage import coverage_folder
+from .bake_operator import BakeOperator, bake_target, known_target, target_provenance, texture_name
 from .texture_sets import FRAME
 
 POOR_FIT = Note("the mesh fits the photo poorly; look at Align Photo, in Camera", level="stop")
@@ -88,10 +87,7 @@ class MPS_OT_bake(BakeOperator, BakeSettings, bpy.types.Operator):
             view=(f"{camera}={normals}", *self._other_views(scene, others, folder)),
             albedo=albedos,
             **self.texture_options(Bake, self, targets, folder),
-            level=low_frequencies(self),
-            coverage=None if self._frames else coverage_folder(),
             format=suffix[1:] if self._frames else None,
-            output=str(self._output),
         )
         return operation, [self._output / "frames" if self._frames else self._output]
 

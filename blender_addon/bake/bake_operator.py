@@ -26,7 +26,7 @@ from ..scene.surfaces import mesh_stamp
 from ..settings.declared import BoolSetting, StringSetting, options_of
 from .assign_textures import assign_albedo, assign_textures, mark_assets
 from .base_maps import base_map_files, maps_before_bake, store_base_map
-from .coverage import store_coverage
+from .coverage import coverage_folder, store_coverage
 from .gltf_export import export_notes
 from .texture_sets import (
     SPLITS,
@@ -116,11 +116,12 @@ class BakeOperator(RunsCore):
     def texture_options(
         self, operation: type[Operation], settings: Any, targets: Sequence[Any], folder: Path
     ) -> dict[str, Any]:
-        """The core's options for the texture and the base maps that it goes on top of."""
+        """The core's options for the texture, its coverage and the base maps that it goes on top of."""
         if settings.preset != "CUSTOM":
             check_preset(settings.preset.lower(), settings.space.lower(), settings.convention.lower())
         options = options_of(operation, settings, without=("preset",))
-        options["size"] = str(settings.size)
+        options |= {"size": str(settings.size), "level": low_frequencies(self), "output": str(self._output)}
+        options["coverage"] = None if self._frames else coverage_folder()
         there = images_of(files_for(self._bake_targets, self._output))
         if not self.anyway and (before := max((float(remembered(one, SEEN) or 0) for one in there), default=0)):
             options["least_seen"] = round(_KEPT * before, 3)

@@ -29,23 +29,20 @@ def export_notes(space: str, convention: str, *, mixed: bool = False) -> list[No
     mixed: whether it has UDIM tiles on an object of several materials.
     """
     if mixed:
-        return [
-            Note(
-                "UDIM tiles on several materials: Blender's glTF export shows one material's alone; give the object "
-                "one material, or bake without tiles",
-                level="look",
-            )
-        ]
+        words = (
+            "UDIM tiles on several materials: Blender's glTF export shows one material's alone; give the object one "
+            "material, or bake without tiles"
+        )
+        return [Note(words, level="look")]
     if space == "OBJECT":
         words = "Object space: a glTF export leaves it out, and other exporters misread it; bake Tangent for them"
         return [Note(words)]
     if convention == "DIRECTX":
-        return [
-            Note(
-                "DirectX: the material turns its green for Blender, and a glTF export is turned while this add-on is "
-                "enabled; other exporters misread it, bake OpenGL for them"
-            )
-        ]
+        words = (
+            "DirectX: the material turns its green for Blender, and a glTF export is turned while this add-on is "
+            "enabled; other exporters misread it, bake OpenGL for them"
+        )
+        return [Note(words)]
     return []
 
 

@@ -24,8 +24,7 @@ from ..rig.rig import light_rig, lights_provenance, rig_camera
 from ..scene.camera import scene_camera
 from ..settings.bake import ViewsSettings
 from ..settings.declared import options_of
-from .bake_operator import BakeOperator, known_target, low_frequencies, target_provenance
-from .coverage import coverage_folder
+from .bake_operator import BakeOperator, known_target, target_provenance
 from .texture_sets import without_tokens
 
 # The rotation that Blender's OBJ and glTF importers apply to files with y up.
@@ -85,11 +84,8 @@ class MPS_OT_bake_views(BakeOperator, ViewsSettings, bpy.types.Operator):
             **reading(estimate, unmasked="mesh"),
             **network(estimate),
             **self.texture_options(BakeViews, bake, targets, folder),
-            level=low_frequencies(self),
-            coverage=coverage_folder(),
             keep=str(requested_path(self.keep)) if self.keep else None,
             report=self._report or None,
-            output=str(output),
         )
         return operation, outputs
 

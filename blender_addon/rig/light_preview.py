@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from mpsnet_core.errors import Cancelled, InputError
 from mpsnet_core.io.files import temporary_folder
-from mpsnet_core.scene.camera import camera_data, write_camera
+from mpsnet_core.scene.camera import write_camera
 from mpsnet_core.scene.operations import PreviewLights
 from mpsnet_core.scene.rig import write_rig
 
@@ -71,7 +71,7 @@ class LightPreview:
     mesh_of: str = ""
     """The objects in the mesh file with their transforms, as JSON."""
     shown: str = ""
-    """The complete state that the last child was started with, as JSON."""
+    """The complete state that the last child was started with, as text."""
     process: CoreProcess | None = None
     """The child that is tracing."""
     resources: ExitStack = field(default_factory=ExitStack)
@@ -109,25 +109,19 @@ class LightPreview:
         except InputError:
             self.shown = ""  # trace again once the error is mended
             raise
-        near = [] if rig.near is None else [rig.near.positions.tolist(), rig.near.target.tolist(), rig.near.lobe]
         mesh_of = json.dumps([(obj.session_uid, [list(row) for row in obj.matrix_world]) for obj in objects])
-        shown = json.dumps([mesh_of, rig.directions.tolist(), rig.mixing.tolist(), near, camera_data(camera)])
+        shown = f"{mesh_of} {rig} {camera}"
         if shown == self.shown:
             return
         self.shown = shown  # even if the rest fails: try again after the next change
-        files = {name: str(self.folder / file) for name, file in _FILES.items()}
+        files: dict[str, Any] = {name: str(self.folder / file) for name, file in _FILES.items()}
         if mesh_of != self.mesh_of:
             self.mesh_of = ""
             write_surfaces(Path(files["mesh"]), bpy.context.evaluated_depsgraph_get(), objects)
             self.mesh_of = mesh_of
         write_rig(files["rig"], rig)
         write_camera(files["camera"], camera)
-        self.process = CoreProcess(
-            PreviewLights(
-                mesh=files["mesh"], rig=files["rig"], camera=files["camera"], output=files["output"], size=PIXELS
-            ),
-            [Path(files["output"])],
-        )
+        self.process = CoreProcess(PreviewLights(**files, size=PIXELS), [Path(files["output"])])
 
     def _show(self, picture: NDArray[np.float32]) -> None:
         """Show (H, 2 W, 4), two images side by side, as icons."""

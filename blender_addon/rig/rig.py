@@ -324,15 +324,9 @@ def _mixing(lights: Collection[Any], centre: Vector) -> NDArray[np.float64]:
 def _settings_besides_power(light: Any) -> tuple[Any, ...]:
     """Settings other than power that change a light's brightness. They do not matter if all three lights share them."""
     data = light.data
-    emission = [node for node in data.node_tree.nodes if node.type == "EMISSION"] if data.node_tree else []
-    strengths = [
-        (
-            tuple(node.inputs["Color"].default_value),
-            node.inputs["Strength"].default_value,
-            node.inputs["Strength"].is_linked,
-        )
-        for node in emission
-    ]
+    emission = [node.inputs for node in data.node_tree.nodes if node.type == "EMISSION"] if data.node_tree else []
+    sockets = [(inputs["Color"], inputs["Strength"]) for inputs in emission]
+    strengths = [(tuple(one.default_value), other.default_value, other.is_linked) for one, other in sockets]
     spread = data.spread if data.type == "AREA" else math.pi
     plain = [((1.0, 1.0, 1.0, 1.0), 1.0, False)]
     return (
