@@ -23,7 +23,7 @@ from .openimageio import load_openimageio
 from .operators import progress, reporting
 from .operators.reporting import CANCELLED
 from .photo.background_render import render_job
-from .scene.objects import find_object, refuse_unselectable
+from .scene.objects import find_object, refuse_unselectable, select
 from .settings.record import result_of
 
 COMMAND = "mpsnet"
@@ -201,9 +201,8 @@ def _select(names: Sequence[str]) -> None:
             raise InputError(f'"{name}" is in no collection of this view layer; include one of its collections')
         if len(names) > 1:  # a hidden one may still be the active one
             refuse_unselectable(layer.objects[name])
-    for obj in layer.objects:
-        obj.select_set(obj.name in names)
-    layer.objects.active = layer.objects[names[-1]]
+    objects = [layer.objects[name] for name in names]
+    select(layer, objects, objects[-1])
 
 
 def argument_parser() -> argparse.ArgumentParser:

@@ -20,6 +20,7 @@ from ..outputs import output_path, overruled_format
 from ..photo.align import mesh_of_photo
 from ..photo.options import seen_through
 from ..rig.several_rigs import result_name
+from ..scene.objects import select
 from ..scene.surfaces import middle_of
 from ..settings.declared import options_of, round_as_typed
 from ..settings.heights import HeightsSettings
@@ -102,15 +103,11 @@ def _import_surface(scene: Any, file: Path, earlier: Any) -> Any:
     bpy.ops.wm.ply_import(filepath=str(file), forward_axis="Y", up_axis="Z", import_colors="NONE")
     (made,) = set(bpy.data.objects) - known
     made.data.shade_smooth()
-    # The importer uses the open scene and changes the selection; restore it for the next step.
+    # The importer uses the open scene and changes the selection, which the next step needs.
     for collection in made.users_collection:
         collection.objects.unlink(made)
     scene.collection.objects.link(made)
-    if made.name in layer.objects:
-        made.select_set(False)
-    layer.objects.active = active
-    for obj in selected:
-        obj.select_set(True)
+    select(layer, selected, active)
     if earlier is None or scene.objects.get(earlier.name) != earlier or earlier.type != "MESH":
         made.name = made.data.name = name
         return made

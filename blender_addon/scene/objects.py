@@ -1,6 +1,6 @@
 """Objects of a scene by session UID, by name and by visibility in a render, and settings that change for a while."""
 
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from contextlib import contextmanager
 from typing import Any
 
@@ -54,6 +54,13 @@ def refuse_unselectable(obj: Any) -> None:
     """Raise InputError if Blender does not let an object be selected."""
     if obj.hide_select or not obj.visible_get():
         raise InputError(f'"{obj.name}" is hidden or not selectable; show it first')
+
+
+def select(layer: Any, objects: Collection[Any], active: Any) -> None:
+    """Let these objects of a view layer be selected alone, and one be the active one."""
+    for one in layer.objects:
+        one.select_set(one in objects)
+    layer.objects.active = active
 
 
 def target_of(context: Any) -> Any:
