@@ -30,6 +30,17 @@ Stored = TypeVar("Stored", list[Any], dict[str, Any])
 LOADED, MADE_BY = "loaded", "made_by"
 
 _READERS = {"rig": read_rig, "camera": read_camera}
+Provenance = dict[str, str]
+# Keys of data stored with the image.
+_MADE, _MADE_FROM = "made", "made_from"
+# Results that later steps need, by the operators that make them.
+_NEEDED_LATER = {"render_photo": "photo", "open_photo": "photo", "superpose": "photo", "estimate": "normals"}
+_SIZE_SECONDS = 1.0
+# Times of look-up and sizes of files, for the panel alone: see `cached_file_sizes`.
+_sizes: dict[Path, tuple[float, int]] = {}
+# When each file was last written in this session: undo reverts Blender's data, but not the file.
+_written: dict[Path, str] = {}
+_sizes_cached = ContextVar("lately", default=False)
 
 
 def sidecar(picture: Path, what: str) -> Path:
@@ -89,22 +100,6 @@ def from_json(text: str | None, kind: type[Stored]) -> Stored:
     except (ValueError, RecursionError):
         found = None
     return found if isinstance(found, kind) else kind()
-
-
-Provenance = dict[str, str]
-
-# Keys of data stored with the image.
-_MADE, _MADE_FROM = "made", "made_from"
-
-# Results that later steps need, by the operators that make them.
-_NEEDED_LATER = {"render_photo": "photo", "open_photo": "photo", "superpose": "photo", "estimate": "normals"}
-
-_SIZE_SECONDS = 1.0
-# Times of look-up and sizes of files, for the panel alone: see `cached_file_sizes`.
-_sizes: dict[Path, tuple[float, int]] = {}
-# When each file was last written in this session: undo reverts Blender's data, but not the file.
-_written: dict[Path, str] = {}
-_sizes_cached = ContextVar("lately", default=False)
 
 
 def chosen(

@@ -26,6 +26,7 @@ from .texture_sets import FRAME
 
 POOR_FIT = Note("the mesh fits the photo poorly; look at Align Photo, in Camera", level="stop")
 NO_CAMERA = "Where was the photo taken from? Press Align Photo in the step Photo, or choose the camera there"
+MESHES, CAMERAS = "mesh_######.npz", "camera_######.json"
 
 
 class MPS_OT_bake(BakeOperator, BakeSettings, bpy.types.Operator):
@@ -168,9 +169,6 @@ class MPS_OT_bake(BakeOperator, BakeSettings, bpy.types.Operator):
         scene = self.scene(f"its texture is in {self._output}")
         self.assign_result(scene, result)
         self.tell(self.written(result))
-
-
-MESHES, CAMERAS = "mesh_######.npz", "camera_######.json"
 
 
 def begin_frames(

@@ -19,6 +19,8 @@ from ..scene.surfaces import bounding_sphere
 NAME = "MPS Coverage"
 # Lowest coverage value and colour of unseen, filled and seen texels.
 _COLOURS = ((0.0, (0.35, 0.03, 0.02, 1)), (0.1, (0.8, 0.35, 0.03, 1)), (0.9, (0.07, 0.4, 0.1, 1)))
+# Offset of the copy from the object's surface, to make it visible, as a fraction of the object's radius.
+_OUT = 2e-3
 
 
 class MPS_OT_show_coverage(ReportingOperator, bpy.types.Operator):
@@ -111,10 +113,6 @@ def _material(coverage: Any, uv_map: str) -> Any:
     links.new(texture.outputs["Color"], colours.inputs["Fac"])
     links.new(colours.outputs["Color"], shader.inputs["Base Color"])
     return material
-
-
-# Offset of the copy from the object's surface, to make it visible, as a fraction of the object's radius.
-_OUT = 2e-3
 
 
 def baked_texture(material: Any) -> tuple[Any, str] | None:

@@ -30,6 +30,8 @@ SPLITS = {"ONE": "", "MATERIAL": MATERIAL, "OBJECT": OBJECT}
 
 # The object and the material of a texture, as in the core's result; None stands for all.
 Part = tuple[str | None, str | None]
+# Stands for the number in the names of a sequence's frames.
+FRAME = "<FRAME>"
 
 
 def with_tokens(path: Path, split: str, tiles: bool) -> Path:
@@ -187,10 +189,6 @@ def refuse_shared(targets: Sequence[Any], split: str) -> None:
                 f'"{first[target.data].name}" and "{target.name}" share one mesh and with it their materials; make '
                 "them single-user (Object > Relations), or bake them into one texture"
             )
-
-
-# Stands for the number in the names of a sequence's frames.
-FRAME = "<FRAME>"
 
 
 def store_owners(assigned: Sequence[AssignedTexture]) -> None:

@@ -28,6 +28,9 @@ from ..scene.objects import by_session_uid, find_object
 from ..settings.declared import StringSetting, options_of
 from ..settings.estimate import EstimateSettings
 
+# Tolerance of equal poses: files have this many digits.
+_SAME_POSE = 1e-5
+
 
 class MPS_OT_estimate(OnEachRig, EstimateSettings, bpy.types.Operator):
     """Estimate the surface normals that the photo shows"""
@@ -171,10 +174,6 @@ class MPS_OT_show_mask(RunsCore, EstimateSettings, bpy.types.Operator):
         estimate = self.rig(f"its mask is in {result['output']}").estimate
         estimate.mask_image = self.loaded(self._overlay, "MPS Mask", is_data=False)
         self.tell(f"The object covers {result['share']:.1%} of the photo; mask written to {result['output']}")
-
-
-# Tolerance of equal poses: files have this many digits.
-_SAME_POSE = 1e-5
 
 
 class MPS_OT_error_map(RunsCore, bpy.types.Operator):

@@ -38,6 +38,7 @@ from .options import reading, rig_file_for, rig_path
 from .studio import RenderKind, objects_in_photo, render, scene_facts, white_of
 
 _LIGHTS = ("first", "second", "third")
+_VERDICTS = {"good": "The photo is good", "watch": "The photo can be used", "bad": "The photo should be taken again"}
 
 
 class _Renders(RunsCore):
@@ -264,9 +265,6 @@ class MPS_OT_render_truth(_Renders, bpy.types.Operator):
     def finish(self, context: Any, result: dict[str, Any]) -> None:
         self.rig(f"its true normals are in {result['output']}").photo.truth = result["output"]
         self.tell(f"True normals written to {result['output']}")
-
-
-_VERDICTS = {"good": "The photo is good", "watch": "The photo can be used", "bad": "The photo should be taken again"}
 
 
 class MPS_OT_check_photo(RunsCore, bpy.types.Operator):

@@ -1,4 +1,7 @@
-"""The rig: three coloured lights and a camera around an object, added and removed."""
+"""The rig: three coloured lights and a camera around an object, added and removed; and as the core's LightRig.
+
+The latter has the current directions of the lights, and how their colours mix.
+"""
 
 import math
 from collections.abc import Collection, Iterable
@@ -33,6 +36,11 @@ _VIEWS = {
     "TOP": ((1, 0, 0), (0, 1, 0), (0, 0, 1)),
     "BOTTOM": ((1, 0, 0), (0, -1, 0), (0, 0, -1)),
 }
+COLOURS = {"Red": (1.0, 0.0, 0.0), "Green": (0.0, 1.0, 0.0), "Blue": (0.0, 0.0, 1.0)}
+# Angular falloff of positioned lights, as a power of the cosine: an area light appears smaller from the side.
+_LOBES = {"AREA": 1.0, "POINT": 0.0, "SPOT": 0.0}
+# The watts at which each kind of light is as bright on its axis as an area light of one watt.
+_WATTS = {"AREA": 1.0, "POINT": 4.0, "SPOT": 4.0}
 
 
 class MPS_OT_add_rig(ReportingOperator, RigSettings, bpy.types.Operator):
@@ -218,13 +226,6 @@ def _add_light(settings: Any, name: str, location: Vector) -> Any:
     aim = light.constraints.new("DAMPED_TRACK")
     aim.name, aim.target, aim.track_axis = "MPS Aim", settings.target, "TRACK_NEGATIVE_Z"
     return light
-
-
-COLOURS = {"Red": (1.0, 0.0, 0.0), "Green": (0.0, 1.0, 0.0), "Blue": (0.0, 0.0, 1.0)}
-# Angular falloff of positioned lights, as a power of the cosine: an area light appears smaller from the side.
-_LOBES = {"AREA": 1.0, "POINT": 0.0, "SPOT": 0.0}
-# The watts at which each kind of light is as bright on its axis as an area light of one watt.
-_WATTS = {"AREA": 1.0, "POINT": 4.0, "SPOT": 4.0}
 
 
 def light_rig(scene: Any) -> LightRig:

@@ -23,6 +23,12 @@ from .declared import (
 
 MODELS = {identifier(entry.name): entry for entry in known_models()}
 MODEL_ITEMS = [(name, entry.label, entry.title, entry.number) for name, entry in MODELS.items()]
+_AUTO = (
+    identifier(BY_PHOTO),
+    "Automatic",
+    "Equation 2 where the photo shows a matt material, the default network where it shows a glossy one",
+    10,
+)
 # What presets and scripts of earlier versions set. The menus do not list it, and the setting then has its new name.
 MODEL_ITEMS += [
     (identifier(old), *MODEL_ITEMS[[*MODELS].index(identifier(name))][1:]) for old, name in OLD_NAMES.items()
@@ -114,14 +120,6 @@ class MPS_PG_estimate(EstimateSettings, bpy.types.PropertyGroup):
     )
     albedo_image: image_pointer("Albedo", "The surface's colour")
     image: image_pointer("Normals", "Normal map in camera space")
-
-
-_AUTO = (
-    identifier(BY_PHOTO),
-    "Automatic",
-    "Equation 2 where the photo shows a matt material, the default network where it shows a glossy one",
-    10,
-)
 
 
 class MaterialSettings:

@@ -29,6 +29,9 @@ from ..training_data import SCENE_FILE
 from .materials import weight_passes
 from .scene import SceneObjects, add_objects, add_shape, open_objects, sample_scene
 
+LAYER = "ViewLayer"  # the view layer's name, which the names of a render's passes begin with
+_FRAME = 1  # Blender 4.5 appends its number to the name of the compositor's file
+
 
 def render_sample(
     recipe: SceneDescription, shown: Shape | SceneObjects, samples: int, path: Path, *, denoise: bool = False
@@ -94,10 +97,6 @@ def render_layers(scene: Any, path: Path) -> None:
         bpy.ops.render.render(write_still=not render.use_compositing, scene=scene.name)
     if not path.is_file():
         raise FileError(f"Blender did not write {path}: the render was cancelled or its disk is full; try again")
-
-
-LAYER = "ViewLayer"  # the view layer's name, which the names of a render's passes begin with
-_FRAME = 1  # Blender 4.5 appends its number to the name of the compositor's file
 
 
 def denoising_helps(recipe: SceneDescription) -> bool:
