@@ -30,7 +30,6 @@ class MPS_OT_show_coverage(ReportingOperator, bpy.types.Operator):
     it"""
 
     bl_label = "Show Coverage"
-    bl_options = {"UNDO"}
 
     @classmethod
     def lacks(cls, context: Any) -> str:

@@ -34,7 +34,6 @@ class MPS_OT_make_node_group(ReportingOperator, bpy.types.Operator):
     The Asset Browser shows it. Press again after another bake or displacement"""
 
     bl_label = "Make Node Group"
-    bl_options = {"UNDO"}
     requires = "bake"
 
     def act(self, context: Any) -> None:

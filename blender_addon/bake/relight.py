@@ -49,7 +49,6 @@ class MPS_OT_relight(ReportingOperator, bpy.types.Operator):
     """Let a white lamp swing around what the viewport shows, in place of the rigs' lights. Press again to end it"""
 
     bl_label = "Relight"
-    bl_options = {"UNDO"}
 
     def act(self, context: Any) -> None:
         begin = context.scene.mps.relight.lamp is None

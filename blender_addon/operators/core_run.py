@@ -92,7 +92,6 @@ class RunsCore(ReportingOperator):
     which users change.
     """
 
-    bl_options = {"UNDO"}
     _notes: Sequence[Note] = ()  # of `prepare`, in addition to the core's
     _omitted_notes: Sequence[str] = ()  # redundant notes of the core
     _slices: list[Slices]

@@ -41,6 +41,7 @@ class ReportingOperator(bpy.types.Operator):
     that called the operator gets it as a RuntimeError.
     """
 
+    bl_options = {"UNDO"}
     requires = ""  # the step in _REQUIRED whose image is required
     step = ""  # the step whose settings it has
     _scene_uid = 0

@@ -22,7 +22,6 @@ class MPS_OT_look_through(ReportingOperator, bpy.types.Operator):
     The scene's resolution is the photo's meanwhile. Press again, or turn the view, to leave it"""
 
     bl_label = "Look Through"
-    bl_options = {"UNDO"}
 
     @classmethod
     def lacks(cls, context: Any) -> str:

@@ -141,7 +141,6 @@ class MPS_OT_open_photo(ReportingOperator, bpy.types.Operator):
     Files NAME.rig.json and NAME.camera.json beside it are read"""
 
     bl_label = "Open Photo"
-    bl_options = {"UNDO"}
 
     filepath: FileSetting("File", "Photo under red, green and blue light")
     sequence: BoolSetting(

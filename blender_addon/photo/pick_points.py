@@ -353,7 +353,6 @@ class MPS_OT_pick_points(ReportingOperator, bpy.types.Operator):
     the last one back, Esc ends"""
 
     bl_label = "Pick Points"
-    bl_options = {"UNDO"}
 
     @classmethod
     def lacks(cls, context: Any) -> str:
