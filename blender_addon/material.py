@@ -190,7 +190,7 @@ def assign_pictures(material: Any, images: dict[str, Any], black: float, white: 
     links = material.node_tree.links
 
     def node(kind: str, name: str, x: float, y: float) -> Any:
-        return ensure_node(material.node_tree, name, kind, x, y)
+        return ensure_node(material.node_tree, name, x, y, kind)
 
     output = output_of(material) or node("ShaderNodeOutputMaterial", "Material Output", 400, 0)
     shader = node("ShaderNodeBsdfPrincipled", "Principled BSDF", 0, 0)

@@ -56,11 +56,8 @@ def _without_tokens(given: str) -> str:
     statue_v003.blend."""
     stem = Path(bpy.data.filepath).stem
     shot, version = re.fullmatch(r"(.*?)(?:[._-]?(v\d+))?", stem).groups()  # type: ignore[union-attr]
-    for token, value in (
-        ("<SHOT>", shot),
-        ("<VERSION>", version),
-        ("<FRAME>", f"{bpy.context.scene.frame_current:04}"),
-    ):
+    frame = f"{bpy.context.scene.frame_current:04}"
+    for token, value in (("<SHOT>", shot), ("<VERSION>", version), ("<FRAME>", frame)):
         if token in given and not value:
             raise FileError(
                 f"{given}: nothing stands for {token}; save this file under a name such as statue_v003.blend"

@@ -31,7 +31,7 @@ def assign_displacement(material: Any, image: Any, uv_map: str, strength: float,
     tree, output = material.node_tree, output_of(material)
     left, top = output.location.x, output.location.y - 700
     heights = texture_on_uvs(tree, HEIGHT_NODE, image, uv_map, left - 600, top)
-    displacement = ensure_node(tree, DISPLACEMENT_NODE, "ShaderNodeDisplacement", left - 300, top)
+    displacement = ensure_node(tree, DISPLACEMENT_NODE, left - 300, top)
     # Like a modifier: along the object's own normals, rotated and scaled with it.
     displacement.space = "OBJECT"
     displacement.inputs["Midlevel"].default_value = midlevel
@@ -39,7 +39,7 @@ def assign_displacement(material: Any, image: Any, uv_map: str, strength: float,
     tree.links.new(heights.outputs["Color"], displacement.inputs["Height"])
     before = [link.from_socket for link in output.inputs["Displacement"].links if link.from_node != displacement]
     for socket in before:  # a node keeps the link, which survives renaming
-        tree.links.new(socket, ensure_node(tree, BEFORE_NODE, "NodeReroute", left, top).inputs[0])
+        tree.links.new(socket, ensure_node(tree, BEFORE_NODE, left, top).inputs[0])
     if before or _METHOD_BEFORE not in material:
         material[_METHOD_BEFORE] = material.displacement_method
     tree.links.new(displacement.outputs["Displacement"], output.inputs["Displacement"])
@@ -95,7 +95,7 @@ def show_object_normals(material: Any, image: Any, uv_map: str) -> None:
     baked = find_node(tree, NORMAL_NODE)
     left, top = (baked.location.x, baked.location.y - 250) if baked is not None else (-600, -600)
     texture = texture_on_uvs(tree, OBJECT_TEXTURE_NODE, image, uv_map, left - 600, top)
-    normal = ensure_node(tree, OBJECT_NORMAL_NODE, "ShaderNodeNormalMap", left, top)
+    normal = ensure_node(tree, OBJECT_NORMAL_NODE, left, top)
     normal.space = "OBJECT"
     tree.links.new(texture.outputs["Color"], normal.inputs["Color"])
     _link_normal(material, normal, True)

@@ -64,14 +64,18 @@ def image_in(tree: Any, name: str = TEXTURE_NODE) -> Any:
 
 def texture_on_uvs(tree: Any, name: str, image: Any, uv_map: str, x: float, y: float) -> Any:
     """The tree's image texture of that name with an image on a UV map, created at a position if missing."""
-    uv, texture = ensure_node(tree, UV_NODE, "ShaderNodeUVMap", x - 200, y), ensure_node(tree, name, _KINDS[name], x, y)
+    uv, texture = ensure_node(tree, UV_NODE, x - 200, y), ensure_node(tree, name, x, y)
     uv.uv_map, texture.image = uv_map, image
     tree.links.new(uv.outputs["UV"], texture.inputs["Vector"])
     return texture
 
 
-def ensure_node(tree: Any, name: str, kind: str, x: float, y: float) -> Any:
-    """The tree's node of that name, created at a position if missing. A node of another type is renamed."""
+def ensure_node(tree: Any, name: str, x: float, y: float, kind: str = "") -> Any:
+    """The tree's node of that name, created at a position if missing. A node of another type is renamed.
+
+    kind: its type, if it is none of the nodes above.
+    """
+    kind = kind or _KINDS[name]
     found = tree.nodes.get(name)
     if found is not None and found.bl_idname != kind:
         found.name, found = found.bl_label, None

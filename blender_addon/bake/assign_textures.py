@@ -115,17 +115,13 @@ def assign_normal_map(material: Any, image: Any, uv_map: str, space: str, conven
 def ensure_normal_map(tree: Any, image: Any, uv_map: str, space: str, convention: str, left: float, top: float) -> Any:
     """The tree's Normal Map node for the texture, created with its input nodes if needed. left: its x position."""
     links = tree.links
-
-    def node(name: str, kind: str, steps: int) -> Any:
-        return ensure_node(tree, name, kind, left - 200 * steps, top)
-
     texture = texture_on_uvs(tree, TEXTURE_NODE, image, uv_map, left - 800, top)
-    normal = node(NORMAL_NODE, "ShaderNodeNormalMap", 1)
+    normal = ensure_node(tree, NORMAL_NODE, left - 200, top)
     normal.uv_map, normal.space = uv_map, space
     colour = texture.outputs["Color"]
     if convention == "DIRECTX":
         # Blender 4.5's Normal Map node only supports OpenGL; a node that inverts green works in every version.
-        turn = node(GREEN_NODE, "ShaderNodeVectorMath", 2)
+        turn = ensure_node(tree, GREEN_NODE, left - 400, top)
         turn.operation = "MULTIPLY_ADD"
         turn.inputs[1].default_value, turn.inputs[2].default_value = (1, -1, 1), (0, 1, 0)
         links.new(colour, turn.inputs[0])

@@ -61,8 +61,8 @@ def surface_group(tree: Any) -> Any:
     if group is None:
         group = bpy.data.node_groups.new(f"MPS Surface {image.name.removeprefix('MPS ')}", "ShaderNodeTree")
         group[_SHOWS] = image
-    inputs = ensure_node(group, "Group Input", "NodeGroupInput", -1000, 200)
-    outputs = ensure_node(group, "Group Output", "NodeGroupOutput", 300, 0)
+    inputs = ensure_node(group, "Group Input", -1000, 200, "NodeGroupInput")
+    outputs = ensure_node(group, "Group Output", 300, 0, "NodeGroupOutput")
     before = find_node(tree, NORMAL_NODE)
     convention = "DIRECTX" if find_node(tree, GREEN_NODE) else "OPENGL"
     normal = ensure_normal_map(group, image, before.uv_map, before.space, convention, 200, 0)
@@ -79,12 +79,12 @@ def surface_group(tree: Any) -> Any:
         _remove_displacement(group)
         return group
     picture = texture_on_uvs(group, HEIGHT_NODE, heights, before.uv_map, -600, -400)
-    displacement = ensure_node(group, DISPLACEMENT_NODE, "ShaderNodeDisplacement", 0, -400)
+    displacement = ensure_node(group, DISPLACEMENT_NODE, 0, -400)
     displacement.space = displaced.space
     displacement.inputs["Midlevel"].default_value = displaced.inputs["Midlevel"].default_value
     _ensure_output(group, "Displacement")
     group.links.new(picture.outputs["Color"], displacement.inputs["Height"])
-    times = ensure_node(group, _SCALE_NODE, "ShaderNodeMath", -300, -600)
+    times = ensure_node(group, _SCALE_NODE, -300, -600, "ShaderNodeMath")
     times.operation = "MULTIPLY"
     times.inputs[1].default_value = displaced.inputs["Scale"].default_value
     group.links.new(inputs.outputs["Strength"], times.inputs[0])

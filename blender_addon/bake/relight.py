@@ -14,7 +14,7 @@ from ..appearance.nodes import ALBEDO_NODE, find_node
 from ..appearance.shader_graph import shaders_of
 from ..image_records import from_json
 from ..operators.reporting import ReportingOperator
-from ..scene.objects import refuse_linked_scene
+from ..scene.objects import refuse_linked_scene, remove_object
 from ..scene.surfaces import bounding_sphere
 from .coverage import add_overlay, baked_texture, remove_overlays
 
@@ -127,10 +127,7 @@ def _end(context: Any) -> None:
     lamps = settings.pivot.children if settings.pivot is not None else ()
     for obj in dict.fromkeys((settings.lamp, *(one for one in lamps if one.type == "LIGHT"), settings.pivot)):
         if obj is not None:
-            data = obj.data
-            bpy.data.objects.remove(obj)
-            if data is not None and not data.users:
-                bpy.data.lights.remove(data)
+            remove_object(obj)
     layer = context.scene.view_layers.get(settings.view_layer, context.view_layer)
     for light in (light.object for light in settings.hidden):
         if light is not None and light.name in layer.objects:

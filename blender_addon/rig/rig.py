@@ -18,7 +18,7 @@ from mpsnet_core.scene.rig import LightRig, direction_from_angles, near_rig
 
 from ..image_records import Provenance, rounded
 from ..operators.reporting import ReportingOperator
-from ..scene.objects import refuse_linked_scene, refuse_unselectable, view_layer
+from ..scene.objects import refuse_linked_scene, refuse_unselectable, remove_object, view_layer
 from ..scene.surfaces import sphere_around, surface_points
 from ..settings.declared import apply_given_settings
 from ..settings.rig import RigSettings
@@ -123,14 +123,8 @@ def remove_rig(scene: Any) -> None:
     settings = scene.mps.rig
     elsewhere = {obj for other in bpy.data.scenes if other != scene for obj in other.objects}
     for obj in list(rig_objects(scene)):
-        if obj in elsewhere:
-            continue
-        data = obj.data
-        bpy.data.objects.remove(obj)
-        if isinstance(data, bpy.types.Camera) and not data.users:
-            bpy.data.cameras.remove(data)
-        elif isinstance(data, bpy.types.Light) and not data.users:
-            bpy.data.lights.remove(data)
+        if obj not in elsewhere:
+            remove_object(obj)
     collection = settings.collection
     if collection is not None and not collection.objects and not collection.children:
         bpy.data.collections.remove(collection)

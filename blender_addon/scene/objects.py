@@ -56,6 +56,14 @@ def refuse_unselectable(obj: Any) -> None:
         raise InputError(f'"{obj.name}" is hidden or not selectable; show it first')
 
 
+def remove_object(obj: Any) -> None:
+    """Remove an object from the file, and its data unless something else uses them."""
+    data = obj.data
+    bpy.data.objects.remove(obj)
+    if data is not None and not data.users:
+        bpy.data.batch_remove([data])
+
+
 def select(layer: Any, objects: Collection[Any], active: Any) -> None:
     """Let these objects of a view layer be selected alone, and one be the active one."""
     for one in layer.objects:
