@@ -8,7 +8,8 @@ from typing import Any, ClassVar, Literal
 from mpsnet_core.errors import InputError, SettingsError
 from mpsnet_core.operation import Operation, Result, option
 from mpsnet_core.progress import Progress, part, silent
-from mpsnet_core.synthesis.job import CONTACT_SHEET, MAX_BOUNCES, RANGES, SampleJob, read_job
+from mpsnet_core.synthesis.capture_model import limits_of
+from mpsnet_core.synthesis.job import CONTACT_SHEET, MAX_BOUNCES, SampleJob, read_job
 
 # On one machine.
 MAX_PROCESSES = 1024
@@ -18,7 +19,7 @@ NAMED = 10
 
 def job_number(name: str, help: str) -> Any:
     """The option for the integer setting `name` of a job."""
-    low, high = RANGES[name]
+    low, high = limits_of(SampleJob)[name]
     return option(default=getattr(SampleJob, name, MISSING), low=low, high=high, help=help)
 
 
