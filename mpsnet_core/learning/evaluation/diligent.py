@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import asdict
 from functools import lru_cache, partial
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -16,9 +17,8 @@ from mpsnet_core.errors import FileError, FormatError, GeometryError, InputError
 from mpsnet_core.estimate.estimator import usable_channels
 from mpsnet_core.io.files import existing_file
 from mpsnet_core.io.image_reading import read_data, read_mask
-from mpsnet_core.io.opening import AnyPath
+from mpsnet_core.io.opening import DAMAGED, AnyPath
 from mpsnet_core.learning.evaluation.evaluation import Evaluation, table_of_errors
-from mpsnet_core.learning.evaluation.matfile import read_mat_array
 from mpsnet_core.learning.evaluation.measure import Case, Row, white_choices
 from mpsnet_core.learning.evaluation.operations import EvaluateDiligent
 from mpsnet_core.learning.evaluation.published import (
@@ -33,6 +33,7 @@ from mpsnet_core.synthesis.reflectance.lambertian_error import PUBLISHED_MIXING
 
 # Weights of a white photograph's R, G, B in one channel of the capture: c_i = Σ_j P_ij I_k(i),j.
 PROTOCOLS: dict[str, F64] = {"separated": np.eye(3), "published": PUBLISHED_MIXING, "white": np.full((3, 3), 1 / 3)}
+MAX_TRUTH_BYTES = 64 << 20
 DAMAGED_PHOTOGRAPHS = 20  # of the bear, by the data set's authors
 BRIGHT_FACING = "bright_facing_mae_deg"
 
@@ -79,7 +80,17 @@ def read_diligent(folder: AnyPath, lights: Lights, protocol: str, *, white: bool
 
 def read_truth(folder: AnyPath) -> F32:
     """(H, W, 3) true normals in camera space. Raises InputError if they are missing."""
-    truth = read_mat_array(Path(folder) / "Normal_gt.mat", "Normal_gt")
+    path = existing_file(Path(folder) / "Normal_gt.mat", "MATLAB file")
+    if path.stat().st_size > MAX_TRUTH_BYTES:
+        raise FormatError(f"MATLAB file {path} is larger than 64 MiB; it is not DiLiGenT's")
+    try:
+        matlab = import_module("scipy.io.matlab")
+    except ModuleNotFoundError:
+        raise SettingsError("true normals need SciPy: pip install '.[train]' in a copy of the repository") from None
+    try:
+        truth = np.asarray(matlab.loadmat(path, variable_names=["Normal_gt"])["Normal_gt"], np.float64)
+    except (*DAMAGED, matlab.MatReadError) as error:
+        raise FormatError(f"{path} is damaged, or holds no numbers called Normal_gt ({error}); copy it again") from None
     if truth.ndim != 3 or truth.shape[2] != 3:
         raise FormatError(f"{folder}: Normal_gt has shape {truth.shape}, expected height x width x 3")
     return normalised(truth).astype(np.float32)
