@@ -17,10 +17,10 @@ from mpsnet_core.bake.scan import Scan as Scan
 from mpsnet_core.bake.settings import BakeSettings as BakeSettings
 from mpsnet_core.calibrate.lights import LightsFound as LightsFound
 from mpsnet_core.calibrate.lights import find_lights as find_lights
-from mpsnet_core.calibrate.mesh_operation import CalibrateMesh as CalibrateMesh
 from mpsnet_core.calibrate.mixing import MixingFound as MixingFound
 from mpsnet_core.calibrate.mixing import mixing_from_ball as mixing_from_ball
 from mpsnet_core.calibrate.operations import CalibrateLights as CalibrateLights
+from mpsnet_core.calibrate.operations import CalibrateMesh as CalibrateMesh
 from mpsnet_core.calibrate.operations import CalibrateMixing as CalibrateMixing
 from mpsnet_core.capture.capture import Capture as Capture
 from mpsnet_core.capture.decode import Correction as Correction

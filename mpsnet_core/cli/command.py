@@ -19,8 +19,7 @@ from typing import Any
 from mpsnet_core import __version__
 from mpsnet_core.bake.operations import Bake, BakeViews
 from mpsnet_core.bake.scan import Scan
-from mpsnet_core.calibrate.mesh_operation import CalibrateMesh
-from mpsnet_core.calibrate.operations import CalibrateLights, CalibrateMixing
+from mpsnet_core.calibrate.operations import CalibrateLights, CalibrateMesh, CalibrateMixing
 from mpsnet_core.capture.operations import Check, FindMask, Superpose
 from mpsnet_core.cli import EXIT_BAD_INPUT, EXIT_CANCELLED
 from mpsnet_core.cli.arguments import Parser, Subparsers, add_operation

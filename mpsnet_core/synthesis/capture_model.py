@@ -34,6 +34,11 @@ def limits_of(kind: type) -> dict[str, Range]:
     return {one.name: one.metadata["limits"] for one in fields(kind) if "limits" in one.metadata}
 
 
+def with_tuples(data: Mapping[str, Any]) -> dict[str, Any]:
+    """Values for a dataclass from JSON or TOML, which have lists in place of tuples."""
+    return {name: tuple(value) if isinstance(value, list) else value for name, value in data.items()}
+
+
 def check_fields(record: "DataclassInstance", whose: str) -> None:
     """Raise SettingsError if a dataclass's field has another type, is beyond its limits, or is none of its choices.
 

@@ -5,13 +5,13 @@ import re
 import time
 from dataclasses import MISSING, asdict, dataclass, replace
 from pathlib import Path
-from typing import Any, Literal
+from typing import Literal
 
 from mpsnet_core.errors import FileError, FormatError, InputError, SettingsError, check_choice
 from mpsnet_core.io.claims import LOCK_FILE, Claims
 from mpsnet_core.io.files import check_no_link, ensure_folder, read_json, write_json
 from mpsnet_core.io.opening import AnyPath
-from mpsnet_core.synthesis.capture_model import check_fields, limited
+from mpsnet_core.synthesis.capture_model import check_fields, limited, with_tuples
 
 JOB_FORMAT = "mpsnet-samples"
 JOB_VERSION = 1
@@ -121,12 +121,10 @@ def read_job(folder: AnyPath) -> SampleJob:
     """The job of a folder. Raises FileError if there is none, FormatError if it is malformed."""
     names = tuple(SampleJob.__dataclass_fields__)
     data = read_json(Path(folder) / JOB_FILE, JOB_FORMAT, JOB_VERSION, names)
-    values: dict[str, Any] = {
-        key: tuple(value) if isinstance(value, list) else value for key, value in data.items() if key in names
-    }
-    missing = [name for name in ("renderer", "count") if name not in values]
-    if missing:
-        raise FormatError(f'{Path(folder) / JOB_FILE} lacks "{missing[0]}"; add it')
+    values = with_tuples({key: value for key, value in data.items() if key in names})
+    for name in ("renderer", "count"):
+        if name not in values:
+            raise FormatError(f'{Path(folder) / JOB_FILE} lacks "{name}"; add it')
     try:
         return SampleJob(**values)
     except InputError as error:

@@ -10,7 +10,7 @@ from typing import Any, Literal
 from mpsnet_core.errors import FormatError, InputError, SettingsError
 from mpsnet_core.io.files import existing_file
 from mpsnet_core.io.opening import AnyPath
-from mpsnet_core.synthesis.capture_model import CaptureModel, check_fields, limited
+from mpsnet_core.synthesis.capture_model import CaptureModel, check_fields, limited, with_tuples
 
 RECIPES = Path(__file__).parent / "recipes"
 # A name of many dots takes memory by the square of them.
@@ -89,7 +89,7 @@ def capture_model(changes: Mapping[str, Any]) -> CaptureModel:
     for name in changes:
         if name not in vars(own):
             raise SettingsError(f"the recipe's capture has no {name!r}; choose {', '.join(vars(own))}")
-    model = replace(own, **{name: tuple(one) if isinstance(one, list) else one for name, one in changes.items()})
+    model = replace(own, **with_tuples(changes))
     check_fields(model, "the recipe's capture:")
     return model
 
@@ -127,4 +127,4 @@ def recipe_from_data(data: Mapping[str, Any]) -> TrainingConfig:
     for name in ("name", "title", "network", "steps"):
         if name not in data:
             raise SettingsError(f'the recipe lacks "{name}"; add it')
-    return TrainingConfig(**{name: tuple(value) if isinstance(value, list) else value for name, value in data.items()})
+    return TrainingConfig(**with_tuples(data))
