@@ -29,6 +29,7 @@ from typing import (
     get_type_hints,
 )
 
+from mpsnet_core.defaults import CONVENTIONS
 from mpsnet_core.errors import SettingsError, check_choice
 from mpsnet_core.progress import Bar, Progress, can_show_bar, silent
 
@@ -134,6 +135,11 @@ def output_option(help: str, *, metavar: str = "FILE", **more: Any) -> Any:
     return option(default=None, help=help, metavar=metavar, provenance="none", **more)
 
 
+def convention_option(normals: str) -> Any:
+    """The option for the convention of some normals, OpenGL's by default."""
+    return option(default="opengl", choices=CONVENTIONS, help=f"which way the green channel of {normals} points")
+
+
 @dataclass(frozen=True)
 class Setting:
     """An option of an operation, with its name and type."""
@@ -198,7 +204,9 @@ def _plain_data(value: Any) -> Any:
     return _facts(value) if dataclasses.is_dataclass(value) else value
 
 
-@dataclass_transform(kw_only_default=True, frozen_default=True, field_specifiers=(option, optional, output_option))
+@dataclass_transform(
+    kw_only_default=True, frozen_default=True, field_specifiers=(option, optional, output_option, convention_option)
+)
 @dataclass(frozen=True)
 class Operation:
     """One task with all its inputs and settings. :meth:`run` carries it out.

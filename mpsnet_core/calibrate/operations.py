@@ -5,7 +5,7 @@ from pkgutil import resolve_name
 from typing import TYPE_CHECKING, ClassVar
 
 from mpsnet_core.capture.operations import HasLens, ReadsPhotos, TakesLightPhotos
-from mpsnet_core.operation import Result, option
+from mpsnet_core.operation import Result, option, optional, output_option
 from mpsnet_core.progress import Progress, silent
 from mpsnet_core.scene.operations import TakesMesh
 
@@ -30,17 +30,14 @@ class UsesBall(ReadsPhotos, HasLens):
         unset="detected in the photo",
         numbers=True,
     )
-    mask: str | None = option(default=None, help="mask file, white on the ball or the card", provenance="files")
-    radius: float | None = option(
-        default=None,
-        help="radius of the ball, in the unit wanted for the lights' positions, ideally the mesh's. Also needed "
+    mask: str | None = optional("mask file, white on the ball or the card", provenance="files")
+    radius: float | None = optional(
+        "radius of the ball, in the unit wanted for the lights' positions, ideally the mesh's. Also needed "
         "for a grey ball, if the lights have positions",
         unset="positions are in radii of the ball",
     )
-    overlay: str | None = option(
-        default=None, metavar="PNG", help="write an image of the results, drawn over the photo", provenance="none"
-    )
-    json: str | None = option(default=None, metavar="FILE", help="write the results as JSON", provenance="none")
+    overlay: str | None = output_option("write an image of the results, drawn over the photo", metavar="PNG")
+    json: str | None = output_option("write the results as JSON")
 
 
 # --- lights -----------------------------------------------------------------------------------------------------------
@@ -85,11 +82,10 @@ class CalibrateLights(UsesBall):
         help="with --per-light: number of places where the ball stood; give all photos of the first place first",
     )
     balls: int = option(default=1, low=1, help="how many mirror balls each photo shows")
-    lights: str | None = option(
-        default=None,
-        metavar="R,G,B",
-        help="with --per-light or an .lp file: numbers of the rig's red, green and blue light, counted from 1 "
+    lights: str | None = optional(
+        "with --per-light or an .lp file: numbers of the rig's red, green and blue light, counted from 1 "
         "in the order of the table",
+        metavar="R,G,B",
         numbers=True,
     )
     distant: bool = option(default=False, help="write directions even where positions could be found")
@@ -144,12 +140,8 @@ class CalibrateMixing(UsesBall):
     )
     rig: str = option(help="rig file with the lights' directions or positions", provenance="content")
     card: bool = option(default=False, help="the photos show a flat grey card, one photo per light")
-    normal: str | None = option(
-        default=None,
-        metavar="X,Y,Z",
-        help="direction that the card faces, in camera space",
-        unset="towards the camera",
-        numbers=True,
+    normal: str | None = optional(
+        "direction that the card faces, in camera space", metavar="X,Y,Z", unset="towards the camera", numbers=True
     )
     output: str = option(metavar="RIG", help="rig file with the mixing (.json)", provenance="none")
 
