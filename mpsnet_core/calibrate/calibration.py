@@ -12,31 +12,14 @@ import numpy as np
 
 from mpsnet_core.arrays.types import F32
 from mpsnet_core.calibrate import mixing as mixing
-from mpsnet_core.calibrate import report
+from mpsnet_core.calibrate import operations, report
 from mpsnet_core.calibrate.ball import Circle
 from mpsnet_core.calibrate.lights import LightsFound, Sighting, find_lights
 from mpsnet_core.calibrate.lights_on_mesh import LightsOnMesh, lights_of_photo
-from mpsnet_core.calibrate.operations import (
-    POOR,
-    CalibrateLights,
-    CalibrateMesh,
-    CalibrateMixing,
-    LightsCalibrated,
-    MeshCalibrated,
-    MixingCalibrated,
-    UsesBall,
-)
 from mpsnet_core.calibrate.photos import BallPhotos, lit_surface, mean_photo, read_lit, read_sightings, seen_balls
 from mpsnet_core.capture.decode import warn_of_other_exposures
 from mpsnet_core.errors import FileError, InputError, SettingsError
-from mpsnet_core.io.files import (
-    check_no_overwrite,
-    checked_bits,
-    prefix_errors,
-    writable_path,
-    write_json,
-    write_transaction,
-)
+from mpsnet_core.io import files as disk
 from mpsnet_core.io.frames import expand_images, in_order_of_lights
 from mpsnet_core.io.image import CHANNELS, Image
 from mpsnet_core.io.image_writing import write_picture
@@ -54,7 +37,7 @@ MAX_NAMED = 16
 LEAST_CROSSTALK = 0.02
 
 
-def _inputs(options: UsesBall, given: Sequence[str], output: str, rig: str | None = None) -> list[Path]:
+def _inputs(options: operations.UsesBall, given: Sequence[str], output: str, rig: str | None = None) -> list[Path]:
     """The photos, after checking that the results can be written and overwrite no input."""
     if options.radius is not None and not 0 < options.radius < math.inf:
         raise SettingsError(f"--radius is the ball's radius, a number above 0, not {options.radius:g}")
@@ -62,16 +45,16 @@ def _inputs(options: UsesBall, given: Sequence[str], output: str, rig: str | Non
     outputs = [file for file in (output, options.overlay, options.json) if file]
     others = options.inputs(options.camera, mask=options.mask)
     for number, one in enumerate(outputs):
-        writable_path(one)
+        disk.writable_path(one)
         # The rig is read completely before it is written again; no other output may replace it.
         to_keep = [rig] if number and rig else []
-        check_no_overwrite([*files, *others, *to_keep, *outputs[:number]], [one])
+        disk.check_no_overwrite([*files, *others, *to_keep, *outputs[:number]], [one])
     if options.overlay:
-        checked_bits(Path(options.overlay), 8)
+        disk.checked_bits(Path(options.overlay), 8)
     return files
 
 
-def _photos(options: UsesBall, files: Sequence[Path], *, balls: int = 1, mirror: bool = True) -> BallPhotos:
+def _photos(options: operations.UsesBall, files: Sequence[Path], *, balls: int = 1, mirror: bool = True) -> BallPhotos:
     if options.circle and options.mask:
         raise SettingsError("--circle and --mask both define where the ball or card is; give one of them")
     circles = [Circle(*_numbers(text, "--circle")) for text in options.circle]
@@ -79,9 +62,9 @@ def _photos(options: UsesBall, files: Sequence[Path], *, balls: int = 1, mirror:
     return BallPhotos(files, circles, mask, balls, radius, options.lens(), options.read_options(), mirror)
 
 
-def _write_json(options: UsesBall, result: Result) -> None:
+def _write_json(options: operations.UsesBall, result: Result) -> None:
     if options.json:
-        write_json(options.json, result.metrics())
+        disk.write_json(options.json, result.metrics())
 
 
 @dataclass(frozen=True)
@@ -98,7 +81,7 @@ class _Chosen:
     """Photo of each light at the first place; None if a photo shows all lights."""
 
 
-def calibrate_lights(options: CalibrateLights, progress: Progress = silent) -> LightsCalibrated:
+def calibrate_lights(options: operations.CalibrateLights, progress: Progress = silent) -> operations.LightsCalibrated:
     """Write the rig, and the other outputs if requested."""
     if Path(options.ball[0]).suffix.lower() == ".lp":
         return _choose_of_lp(options)
@@ -113,8 +96,8 @@ def calibrate_lights(options: CalibrateLights, progress: Progress = silent) -> L
     balls = [report.ball_facts(sighting.ball) for sighting in found.sightings]
     lines = [f"{options.output}:", *map(str, lights), *map(str, balls)]
     target = found.target.tolist()
-    result = LightsCalibrated(options.output, options.overlay, lights, balls, target, text="\n".join(lines))
-    with write_transaction():
+    result = operations.LightsCalibrated(options.output, options.overlay, lights, balls, target, text="\n".join(lines))
+    with disk.write_transaction():
         _write_rig(options, found, chosen)
         if options.overlay:
             _draw(options.overlay, found, chosen, pictured)
@@ -123,11 +106,11 @@ def calibrate_lights(options: CalibrateLights, progress: Progress = silent) -> L
     return result
 
 
-def _is_lp(options: CalibrateLights) -> bool:
+def _is_lp(options: operations.CalibrateLights) -> bool:
     return Path(options.output).suffix.lower() == ".lp"
 
 
-def _choose(options: CalibrateLights, files: Sequence[Path]) -> _Chosen:
+def _choose(options: operations.CalibrateLights, files: Sequence[Path]) -> _Chosen:
     if not options.per_light and (options.places > 1 or options.lights):
         raise SettingsError("--places and --lights are for photos of one light each; add --per-light")
     if len(files) % options.places:
@@ -147,7 +130,7 @@ def _choose(options: CalibrateLights, files: Sequence[Path]) -> _Chosen:
 
 
 def _sightings(
-    options: CalibrateLights, files: Sequence[Path], chosen: _Chosen, progress: Progress
+    options: operations.CalibrateLights, files: Sequence[Path], chosen: _Chosen, progress: Progress
 ) -> tuple[list[Sighting], list[BallPhotos]]:
     """Each ball's highlights of the chosen lights, and the photos that show the ball."""
     sightings, pictured = [], []
@@ -165,7 +148,7 @@ def _sightings(
     return sightings, pictured
 
 
-def _by_place(options: CalibrateLights, files: Sequence[Path], places: int) -> list[BallPhotos]:
+def _by_place(options: operations.CalibrateLights, files: Sequence[Path], places: int) -> list[BallPhotos]:
     if options.mask and not options.circle and (places > 1 or options.balls > 1):
         raise SettingsError("--mask shows one ball at one place; give circles instead")
     photos = _photos(options, files, balls=options.balls)
@@ -177,7 +160,7 @@ def _by_place(options: CalibrateLights, files: Sequence[Path], places: int) -> l
     return [replace(photos, files=files[own], circles=circles[drawn]) for own, drawn in of_place]
 
 
-def _write_rig(options: CalibrateLights, found: LightsFound, chosen: _Chosen) -> None:
+def _write_rig(options: operations.CalibrateLights, found: LightsFound, chosen: _Chosen) -> None:
     if _is_lp(options):
         names = [file.stem for file in chosen.files] if chosen.files else chosen.names
         write_lp(options.output, found.directions, names)
@@ -202,7 +185,7 @@ def _draw(overlay: str, found: LightsFound, chosen: _Chosen, pictured: Sequence[
     write_picture(overlay, picture)
 
 
-def _choose_of_lp(options: CalibrateLights) -> LightsCalibrated:
+def _choose_of_lp(options: operations.CalibrateLights) -> operations.LightsCalibrated:
     """A rig from three lights of an .lp file."""
     if len(options.ball) > 1 or options.overlay or options.json:
         raise SettingsError("an .lp file works alone, with --lights and -o only; leave the rest out")
@@ -211,18 +194,18 @@ def _choose_of_lp(options: CalibrateLights) -> LightsCalibrated:
     if not options.lights:
         raise SettingsError(f"{file} has {len(names)} light(s); choose --lights 1,2,3{_numbered(map(Path, names))}")
     numbers = _three_of(options.lights, len(names))
-    check_no_overwrite([file], [options.output])
-    if writable_path(options.output).suffix.lower() != ".json":
+    disk.check_no_overwrite([file], [options.output])
+    if disk.writable_path(options.output).suffix.lower() != ".json":
         raise FileError(f"{options.output}: a rig of three lights is written as .json; give such a file name")
     rig = LightRig(directions[numbers])
     _log_replaced_rig(Path(options.output))
     write_rig(options.output, rig)
     lights = report.directions_facts(rig.directions, CHANNELS, [names[k] for k in numbers])
     text = "\n".join([f"{options.output}:", *map(str, lights)])
-    return LightsCalibrated(options.output, None, lights, text=text)
+    return operations.LightsCalibrated(options.output, None, lights, text=text)
 
 
-def calibrate_mixing(options: CalibrateMixing, progress: Progress = silent) -> MixingCalibrated:
+def calibrate_mixing(options: operations.CalibrateMixing, progress: Progress = silent) -> operations.MixingCalibrated:
     """Write the rig with its mixing, and the other outputs if requested."""
     files = in_order_of_lights(_inputs(options, options.photo, options.output, options.rig))
     rig = read_rig(options.rig)
@@ -238,7 +221,7 @@ def calibrate_mixing(options: CalibrateMixing, progress: Progress = silent) -> M
     calibrated = replace(rig, mixing=found.mixing, is_ground_truth=False)
     off = None if found.ball is None else mixing.lambertian_error(read, found.ball, calibrated)
     result = _result(options, found, off)
-    with write_transaction():
+    with disk.write_transaction():
         write_rig(options.output, calibrated)
         if options.overlay and found.ball is not None:
             picture = report.ball_picture(image, found.ball, f"{found.residual:.1%} unexplained")
@@ -248,7 +231,7 @@ def calibrate_mixing(options: CalibrateMixing, progress: Progress = silent) -> M
     return result
 
 
-def _check(options: CalibrateMixing, files: Sequence[Path], rig: LightRig) -> None:
+def _check(options: operations.CalibrateMixing, files: Sequence[Path], rig: LightRig) -> None:
     if Path(options.output).suffix.lower() != ".json":
         raise FileError(f"{options.output}: a rig with its mixing is written as .json; give such a file name")
     if rig.near is not None and not options.card and options.radius is None:
@@ -276,19 +259,23 @@ def _by_ball(
     )
 
 
-def _by_card(options: CalibrateMixing, photos: BallPhotos, read: Sequence[Image], rig: LightRig) -> mixing.MixingFound:
+def _by_card(
+    options: operations.CalibrateMixing, photos: BallPhotos, read: Sequence[Image], rig: LightRig
+) -> mixing.MixingFound:
     if options.overlay:
         raise SettingsError("--overlay shows a ball; leave it out with --card")
     normal = _numbers(options.normal, "--normal") if options.normal else [0.0, 0.0, 1.0]
     return mixing.mixing_from_card(read, lit_surface(photos, read[0]), rig, normal)
 
 
-def _result(options: CalibrateMixing, found: mixing.MixingFound, off: float | None) -> MixingCalibrated:
+def _result(
+    options: operations.CalibrateMixing, found: mixing.MixingFound, off: float | None
+) -> operations.MixingCalibrated:
     balls = [] if found.ball is None else [report.ball_facts(found.ball)]
     same = {name: getattr(found, name) for name in ("residual", "pixels", "left_out", "determined", "uncertainty")}
     same |= {"mixing": found.mixing.tolist(), "ambient": found.ambient.tolist(), "equation_2_error": off}
     text = "\n".join([f"{options.output}:", *report.mixing_lines(found, off), *map(str, balls)])
-    return MixingCalibrated(options.output, options.overlay, balls=balls, text=text, **same)
+    return operations.MixingCalibrated(options.output, options.overlay, balls=balls, text=text, **same)
 
 
 def _without_masks(files: list[Path]) -> list[Path]:
@@ -347,7 +334,7 @@ def _log_replaced_rig(file: Path) -> None:
 # --- a mesh -----------------------------------------------------------------------------------------------------------
 
 
-def calibrate_mesh(options: CalibrateMesh, progress: Progress = silent) -> MeshCalibrated:
+def calibrate_mesh(options: operations.CalibrateMesh, progress: Progress = silent) -> operations.MeshCalibrated:
     """Write the rig of the lights that fit a photo of a known mesh."""
     files = options.photos(options.image, options.mesh, options.camera)
     camera, mesh = read_camera(options.camera), options.read_mesh(options.mesh, shape_only=True)
@@ -356,7 +343,7 @@ def calibrate_mesh(options: CalibrateMesh, progress: Progress = silent) -> MeshC
         raise SettingsError(f"{len(files)} photos where one is needed; with --per-light, three of one light each")
     image, mask, _ = options.photo_and_mask(source, progress)
     progress(0.3, "fitting the lights")
-    with prefix_errors(source):
+    with disk.prefix_errors(source):
         found = lights_of_photo(image, mask, camera, mesh, mixed=not options.per_light)
         # Under these lights, the shading may show another encoding.
         again, mask, _ = options.photo_and_mask(replace(source, rig=_rig_of(found)), progress)
@@ -369,13 +356,13 @@ def calibrate_mesh(options: CalibrateMesh, progress: Progress = silent) -> MeshC
         report.LightFacts(name, light.tolist(), float(slant), float(tilt), uncertainty=float(error))
         for name, light, slant, tilt, error in facts
     ]
-    if found.residual > POOR:
+    if found.residual > operations.POOR:
         words = "the mesh explains the photo badly (typical difference %.0f%%): check the camera and the mesh, and "
         log.warning(words + "that the object is matt [mesh-misfit]", 100 * found.residual)
     text = "\n".join([*map(str, lights), f"{options.output}: the rig"])
-    result = MeshCalibrated(options.output, lights, round(found.residual, 4), found.paints, text=text)
+    result = operations.MeshCalibrated(options.output, lights, round(found.residual, 4), found.paints, text=text)
     if options.json:
-        write_json(options.json, result.metrics())
+        disk.write_json(options.json, result.metrics())
     progress(1.0, "done")
     return result
 
