@@ -27,7 +27,7 @@ from mpsnet_core.operation import Result
 from mpsnet_core.progress import Progress, part, silent
 from mpsnet_core.scene.camera import read_camera
 from mpsnet_core.scene.pictures import contact_sheet
-from mpsnet_core.scene.rig import LightRig, angles_of, near_rig, read_lp, read_rig, write_lp, write_rig
+from mpsnet_core.scene.rig import LightRig, near_rig, read_lp, read_rig, write_lp, write_rig
 
 log = logging.getLogger(__name__)
 
@@ -92,7 +92,7 @@ def calibrate_lights(options: operations.CalibrateLights, progress: Progress = s
     sightings, pictured = _sightings(options, files, chosen, progress)
     found = find_lights(sightings)
     progress(0.9, "drawing what was found")
-    lights = report.lights_facts(found, chosen.names, chosen.files)
+    lights = report.lights_by_balls(found, chosen.names, chosen.files)
     balls = [report.ball_facts(sighting.ball) for sighting in found.sightings]
     lines = [f"{options.output}:", *map(str, lights), *map(str, balls)]
     target = found.target.tolist()
@@ -200,7 +200,7 @@ def _choose_of_lp(options: operations.CalibrateLights) -> operations.LightsCalib
     rig = LightRig(directions[numbers])
     _log_replaced_rig(Path(options.output))
     write_rig(options.output, rig)
-    lights = report.directions_facts(rig.directions, CHANNELS, [names[k] for k in numbers])
+    lights = report.lights_facts(rig.directions, CHANNELS, file=[names[k] for k in numbers])
     text = "\n".join([f"{options.output}:", *map(str, lights)])
     return operations.LightsCalibrated(options.output, None, lights, text=text)
 
@@ -351,11 +351,7 @@ def calibrate_mesh(options: operations.CalibrateMesh, progress: Progress = silen
             found = lights_of_photo(again, mask, camera, mesh, mixed=not options.per_light)
         rig = _rig_of(found)
     write_rig(options.output, rig)
-    facts = zip(CHANNELS, rig.directions, *angles_of(rig.directions), found.errors, strict=True)
-    lights = [
-        report.LightFacts(name, light.tolist(), float(slant), float(tilt), uncertainty=float(error))
-        for name, light, slant, tilt, error in facts
-    ]
+    lights = report.lights_facts(rig.directions, CHANNELS, uncertainty=found.errors.tolist())
     if found.residual > operations.POOR:
         words = "the mesh explains the photo badly (typical difference %.0f%%): check the camera and the mesh, and "
         log.warning(words + "that the object is matt [mesh-misfit]", 100 * found.residual)
