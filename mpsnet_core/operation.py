@@ -11,23 +11,13 @@ import functools
 import inspect
 import math
 import os
+import typing
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextvars import ContextVar
 from dataclasses import dataclass, field
 from numbers import Integral, Real
 from types import UnionType
-from typing import (
-    TYPE_CHECKING,
-    Any,
-    ClassVar,
-    Literal,
-    TypeVar,
-    Union,
-    dataclass_transform,
-    get_args,
-    get_origin,
-    get_type_hints,
-)
+from typing import TYPE_CHECKING, Any, ClassVar, Literal, TypeVar, Union, dataclass_transform
 
 from mpsnet_core.defaults import CONVENTIONS
 from mpsnet_core.errors import SettingsError, check_choice
@@ -346,7 +336,7 @@ def settings(kind: type[Operation]) -> tuple[Setting, ...]:
 
 
 def _settings(kind: type[Operation]) -> tuple[Setting, ...]:
-    hints = get_type_hints(kind)
+    hints = typing.get_type_hints(kind)
     found = [
         Setting(one.name, *_value_type(hints[one.name]), one.default, one.metadata[_METADATA], _heading(kind, one.name))
         for one in dataclasses.fields(kind)
@@ -362,13 +352,13 @@ def _heading(kind: type[Operation], name: str) -> str:
 
 def _value_type(hint: Any) -> tuple[type, bool]:
     """The type of one value of a field, and whether the field holds several."""
-    if get_origin(hint) in (Union, UnionType):
-        kinds = [one for one in get_args(hint) if one is not type(None) and one is not os.PathLike[str]]
+    if typing.get_origin(hint) in (Union, UnionType):
+        kinds = [one for one in typing.get_args(hint) if one is not type(None) and one is not os.PathLike[str]]
         return _value_type(kinds[0])
-    if get_origin(hint) is tuple:
-        return _value_type(get_args(hint)[0])[0], True
-    if get_origin(hint) is Literal:
-        return type(get_args(hint)[0]), False
+    if typing.get_origin(hint) is tuple:
+        return _value_type(typing.get_args(hint)[0])[0], True
+    if typing.get_origin(hint) is Literal:
+        return type(typing.get_args(hint)[0]), False
     return hint, False
 
 

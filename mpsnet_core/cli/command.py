@@ -74,26 +74,18 @@ SECTIONS: dict[str, dict[type[Operation], str]] = {
 HIDDEN: tuple[type[Operation], ...] = (PreviewLights, Work)
 
 if importlib.util.find_spec("mpsnet_core.learning"):  # Blender's extension comes without training and evaluation
-    from mpsnet_core.learning.evaluation.operations import (
-        EvaluateColour,
-        EvaluateDiligent,
-        EvaluateMaterials,
-        EvaluatePatchSizes,
-        EvaluateRendered,
-        EvaluateSamples,
-        EvaluateStatues,
-    )
+    from mpsnet_core.learning.evaluation import operations as evaluation
     from mpsnet_core.learning.operations import Train
 
     SECTIONS["training"] |= {
         Train: "--recipe multiscale --samples training --validation validation -o multiscale.onnx",
-        EvaluateDiligent: "pmsData",
-        EvaluateMaterials: "--merl fits.npz",
-        EvaluateRendered: "meshes",
-        EvaluateStatues: "meshes",
-        EvaluateColour: "--size 128 --white",
-        EvaluateSamples: "validation",
-        EvaluatePatchSizes: "--samples training --validation validation --runs runs/",
+        evaluation.EvaluateDiligent: "pmsData",
+        evaluation.EvaluateMaterials: "--merl fits.npz",
+        evaluation.EvaluateRendered: "meshes",
+        evaluation.EvaluateStatues: "meshes",
+        evaluation.EvaluateColour: "--size 128 --white",
+        evaluation.EvaluateSamples: "validation",
+        evaluation.EvaluatePatchSizes: "--samples training --validation validation --runs runs/",
     }
 
 EXAMPLES = {
