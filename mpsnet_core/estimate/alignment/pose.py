@@ -119,17 +119,24 @@ class MeshFaces:
 
     def seen(self, camera: Camera, x: F64, y: F64) -> "SeenFaces":
         """What a camera sees at the pixels of columns x (w,) and rows y (h,)."""
-        pixels = np.stack(np.broadcast_arrays(x, y[:, None]), axis=-1).reshape(-1, 2)
-        origins, directions = camera.rays(pixels)
+        shape = len(y), len(x)
+        mask, normals, points = np.zeros(shape, bool), np.zeros((*shape, 3), np.float32), np.zeros((*shape, 3))
+        rows, columns = (
+            slice(*np.searchsorted(places, (part.start, part.stop)))
+            for places, part in zip((y, x), self.scene.extent(camera), strict=True)
+        )
+        pixels = np.stack(np.broadcast_arrays(x[columns], y[rows, None]), axis=-1)
+        origins, directions = camera.rays(pixels.reshape(-1, 2))
         hits = self.scene.hits(origins, directions)
-        found, own = hits.triangle >= 0, directions @ camera.rotation
-        normals, points = np.zeros((len(pixels), 3), np.float32), np.zeros((len(pixels), 3))
-        normals[found] = self.normals[hits.triangle[found]] @ camera.rotation
+        found = hits.triangle >= 0
+        own = directions[found] @ camera.rotation
+        facing = self.normals[hits.triangle[found]] @ camera.rotation
         # Flip faces seen from behind: the mesh may be open or wound inwards.
-        normals[(normals * own).sum(axis=1) > 0] *= -1
-        points[found] = own[found] * (hits.distance[found, None] / self.scene.size)
-        shape = (len(y), len(x))
-        return SeenFaces(found.reshape(shape), normals.reshape(*shape, 3), points.reshape(*shape, 3))
+        facing[(facing * own).sum(axis=1) > 0] *= -1
+        mask[rows, columns] = inside = found.reshape(pixels.shape[:2])
+        normals[rows, columns][inside] = facing
+        points[rows, columns][inside] = own * (hits.distance[found, None] / self.scene.size)
+        return SeenFaces(mask, normals, points)
 
 
 @dataclass(frozen=True)

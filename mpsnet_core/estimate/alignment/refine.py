@@ -19,7 +19,9 @@ Pixels = Floats
 
 # The object's longer side in pixels on each scale, and the maximum number of steps there.
 SCALES = ((64, 10), (128, 6), (256, 10), (512, 8))
-MARGIN = 0.25  # around the object, as a share of its longer side
+MEASURED = 256  # pixels of the object's longer side, to measure a fit
+# Around the object, as a share of its longer side; less on finer scales than the measured one, where the fit is near.
+MARGIN, FINE_MARGIN = 0.25, 0.1
 OUTLINE_POINTS = 1500
 NORMAL_PIXELS = 5_000
 # Standard deviations of outlines, in pixels of a scale; of normals, in radians, whose smooth errors count as this many
@@ -149,10 +151,10 @@ def refine_camera(
     return measure_fit(photo, faces, camera)
 
 
-def measure_fit(photo: PhotoPyramid, faces: MeshFaces, camera: Camera) -> Fit:
-    """Measure how well the mesh, seen by a camera, fits the photo."""
+def measure_fit(photo: PhotoPyramid, faces: MeshFaces, camera: Camera, longest: int = MEASURED) -> Fit:
+    """Measure how well the mesh, seen by a camera, fits the photo. longest: pixels of the object's longer side."""
     local = _local(Poses.of(camera), faces.scene)
-    scale = photo.at(256)
+    scale = photo.at(longest)
     image = _image(scale, local, faces)
     union, both = scale.inside | image.mask, scale.inside & image.mask
     overlap = int(both.sum()) / max(1, int(union.sum()))
@@ -181,7 +183,7 @@ def _scale(estimate: NormalMap, longest: int) -> _Scale:
     rows, columns = bounding_box(estimate.mask)
     side = max(rows.stop - rows.start, columns.stop - columns.start)
     factor = max(1, round(side / longest))
-    border = round(MARGIN * side)
+    border = round((FINE_MARGIN if longest > MEASURED else MARGIN) * side)
     top, left = (max(0, part.start - border) // factor * factor for part in (rows, columns))
     window = slice(top, rows.stop + border), slice(left, columns.stop + border)
     mask, normals = estimate.mask[window], estimate.vectors[window]

@@ -17,6 +17,7 @@ ZOOMS = (0.6, 1.0, 1.6)  # factors of the best view's focal length to try
 SPREAD = 5.0  # the images extend to this multiple of the square root of the object's second moment
 TRIED, ROUGH = 16, 5  # best views to refine roughly, and of those to refine fully
 ROUGH_SCALES = ((48, 12), (96, 8))
+CHOSEN = 96  # pixels of the object's longer side, to choose between starts
 COMPARED_SCALES = SCALES[:-1]  # the finest scale takes most of the time, and only the best view needs it
 # Shares of the search's time after which all views are compared, refined roughly, refined well, and tried with lenses.
 COMPARED, ROUGHLY, WELL, LENSES = 0.2, 0.53, 0.68, 0.84
@@ -153,7 +154,7 @@ def move_onto_mask(photo: PhotoPyramid, faces: MeshFaces, camera: Camera) -> Cam
     if not mask.any():  # a flat sheet seen edge-on
         return camera
     placed = _place_camera(photo.estimate.mask, faces, rotation, focal, camera.centre, _ObjectExtent.of(mask), 0.0)
-    return max(camera, placed, key=lambda one: measure_fit(photo, faces, one).overlap)
+    return max(camera, placed, key=lambda one: measure_fit(photo, faces, one, CHOSEN).overlap)
 
 
 def _small(faces: MeshFaces, frame: _ObjectExtent, focal: float) -> tuple[float, float]:
@@ -245,6 +246,8 @@ def _standardised_picture(normals: F32, mask: Bools, frame: _ObjectExtent, roll:
 # A mesh is mirrored if the cost of its mirror image is below this share of its own. The costs of symmetric objects
 # differ by less than half a percent.
 MIRRORED = 0.96
+# Above this multiple of the mesh's own cost, a rough fit of the mirror image is not refined.
+HOPELESS = 1.5
 _ACROSS = np.array([-1.0, 1.0, 1.0])
 
 
@@ -270,20 +273,26 @@ def find_better_mirrored(photo: PhotoPyramid, faces: MeshFaces, fit: Fit, progre
     """
     estimate = photo.estimate
     flipped = PhotoPyramid(NormalMap((estimate.vectors[:, ::-1] * _ACROSS).astype(np.float32), estimate.mask[:, ::-1]))
-    image = _fit_reflected(flipped, faces, fit.camera, progress)
+    image = _fit_reflected(flipped, faces, fit.camera, HOPELESS * fit.cost, progress)
     if image.cost >= MIRRORED * fit.cost:
         return None
     # If the unmirrored mesh fits as well from there, the given fit was wrong, and nothing is mirrored.
-    back = _fit_reflected(photo, faces, image.camera, part(progress, 1.0, 1.0))
+    back = _fit_reflected(photo, faces, image.camera, np.inf, part(progress, 1.0, 1.0))
     return image if image.cost < MIRRORED * back.cost else None
 
 
-def _fit_reflected(photo: PhotoPyramid, faces: MeshFaces, camera: Camera, progress: Progress) -> Fit:
-    """The best fit that starts at reflections of `camera`. photo: the mirrored one."""
+def _fit_reflected(photo: PhotoPyramid, faces: MeshFaces, camera: Camera, most: float, progress: Progress) -> Fit:
+    """The best fit that starts at reflections of `camera`; a rough one if it costs above `most`.
+
+    photo: the mirrored one.
+    """
     across = [*faces.axes, camera.rotation[:, 2]]
     starts = [move_onto_mask(photo, faces, _reflected(camera, faces.scene.middle, axis)) for axis in across]
-    start = min(starts, key=lambda one: measure_fit(photo, faces, one).cost)
-    return refine_camera(photo, faces, start, fix_focal=True, scales=SCALES[:-1], progress=progress)
+    start = min((measure_fit(photo, faces, one, CHOSEN) for one in starts), key=lambda fit: fit.cost)
+    rough = refine_camera(photo, faces, start.camera, fix_focal=True, scales=ROUGH_SCALES, progress=silent)
+    if rough.cost > most:
+        return rough
+    return refine_camera(photo, faces, rough.camera, fix_focal=True, scales=SCALES[:-1], progress=progress)
 
 
 def _reflected(camera: Camera, middle: Floats, axis: Floats) -> Camera:

@@ -168,6 +168,18 @@ class EvaluateSamples(MeasuresModels):
 
     folder: tuple[str, ...] = option(positional=True, help="folders of held-out samples")
     count: int = option(default=0, low=0, help="how many samples to use, evenly spread; 0 for all")
+    by: tuple[str, ...] = option(
+        default=(),
+        choices={
+            "lights": "how many reach a pixel",
+            "curvature": "hollow, flat or convex",
+            "sky": "how much the object occludes",
+            "slant": "of the surface",
+            "material": "matt, glossy, metal or measured",
+        },
+        unset="the whole object alone",
+        help="also tell errors by kind of pixel",
+    )
     white: bool = white_option()
 
 

@@ -26,7 +26,7 @@ from mpsnet_core.io.files import atomic_write, ensure_folder, existing_file, res
 from mpsnet_core.io.opening import DAMAGED, AnyPath
 from mpsnet_core.progress import Progress, silent
 from mpsnet_core.synthesis.job import sample_path, samples_there
-from mpsnet_core.synthesis.sample import read_sample
+from mpsnet_core.synthesis.sample import Sample, read_sample
 
 log = logging.getLogger(__name__)
 
@@ -153,12 +153,17 @@ def _pack(path: Path, packed: Path) -> None:
             other.unlink(missing_ok=True)
 
 
+def box_of_object(sample: Sample) -> tuple[slice, slice]:
+    """Rows and columns of a sample that are packed."""
+    return bounding_box(sample.mask, MARGIN)
+
+
 def _record(path: Path) -> NDArray[np.void]:
     """The fields of :class:`Packed` as one record. Raises FormatError if it is damaged, NoObject if it is dark."""
     sample = read_sample(path)
     if not (sample.lights[:, sample.mask] > 0).any():
         raise NoObject(f"sample {path} shows no pixel of its object completely, or no light reaches it; make it again")
-    box = bounding_box(sample.mask, MARGIN)
+    box = box_of_object(sample)
     mask = sample.mask[box]
     lights = sample.lights[:, *box].transpose(0, 3, 1, 2).reshape(9, *mask.shape)
     fields: dict[str, NDArray[Any]] = {
