@@ -42,7 +42,7 @@ from mpsnet_core.estimate.albedo import read_albedo as read_albedo
 from mpsnet_core.estimate.albedo import write_albedo as write_albedo
 from mpsnet_core.estimate.alignment.operation import Align as Align
 from mpsnet_core.estimate.estimator import estimate_normals as estimate_normals
-from mpsnet_core.estimate.lights.operation import CalibratePhoto as CalibratePhoto
+from mpsnet_core.estimate.operations import CalibratePhoto as CalibratePhoto
 from mpsnet_core.estimate.operations import Estimate as Estimate
 from mpsnet_core.estimate.sequence.run import estimate_sequence as estimate_sequence
 from mpsnet_core.io.image_reading import read_image as read_image

@@ -125,9 +125,9 @@ def output_option(help: str, *, metavar: str = "FILE", **more: Any) -> Any:
     return option(default=None, help=help, metavar=metavar, provenance="none", **more)
 
 
-def convention_option(normals: str) -> Any:
-    """The option for the convention of some normals, OpenGL's by default."""
-    return option(default="opengl", choices=CONVENTIONS, help=f"which way the green channel of {normals} points")
+def convention_option(*, default: str, of: str) -> Any:
+    """An option for the convention `of` some normals."""
+    return option(default=default, choices=CONVENTIONS, help=f"which way the green channel of {of} points")
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,7 @@ from bpy.app.handlers import persistent
 
 from mpsnet_core.calibrate.operations import CalibrateLights, CalibrateMesh, CalibrateMixing
 from mpsnet_core.errors import InputError, Note
-from mpsnet_core.estimate.lights.operation import CalibratePhoto
+from mpsnet_core.estimate.operations import CalibratePhoto
 from mpsnet_core.operation import Operation
 
 from ..image_records import from_json

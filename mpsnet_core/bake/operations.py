@@ -146,7 +146,7 @@ class BakesDetail(MakesTextures):
         path="file",
         provenance="files",
     )
-    onto_convention: Literal["opengl", "directx"] = convention_option("the existing map")
+    onto_convention: Literal["opengl", "directx"] = convention_option(default="opengl", of="the existing map")
     onto_shown: Literal["auto", "yes", "no"] = option(
         default="auto",
         choices={
@@ -261,7 +261,9 @@ class Bake(BakesDetail):
         help="camera file and its normal map; normals/frame_####.png for a sequence",
         provenance="none",  # recorded per texture
     )
-    normals_convention: Literal["opengl", "directx"] = convention_option("the normal maps that are read")
+    normals_convention: Literal["opengl", "directx"] = convention_option(
+        default="opengl", of="the normal maps that are read"
+    )
     confidence: tuple[str, ...] = option(
         default=(), metavar="FILE", help="confidence map of each view, in the order of the views", provenance="none"
     )

@@ -26,8 +26,7 @@ from mpsnet_core.cli.arguments import Parser, Subparsers, add_operation
 from mpsnet_core.cli.reporter import NoteCollector, Reporter, log_level, print_json, refuse
 from mpsnet_core.errors import InputError, SettingsError, printable
 from mpsnet_core.estimate.alignment.operation import Align
-from mpsnet_core.estimate.lights.operation import CalibratePhoto
-from mpsnet_core.estimate.operations import Estimate, ListModels
+from mpsnet_core.estimate.operations import CalibratePhoto, Estimate, ListModels
 from mpsnet_core.io.child_process import only_request
 from mpsnet_core.operation import Operation, from_json
 from mpsnet_core.relief.operations import Integrate, MakeMaterial

@@ -1,11 +1,11 @@
-"""The operation estimate: photos, frames and videos to camera-space normal maps."""
+"""The operations on photos: their normals, the lights in them, and the models that estimate them."""
 
 import json
 from dataclasses import dataclass
 from pkgutil import resolve_name
 from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
-from mpsnet_core.capture.operations import HasViewpoint, ReadsPhotos
+from mpsnet_core.capture.operations import HasViewpoint, ReadsPhotos, TakesLightPhotos
 from mpsnet_core.defaults import MASK, MAX_SMOOTHING
 from mpsnet_core.estimate.registry import BASELINES, DEFAULT_MODEL, DEFAULT_TILE, find_network, known_models
 from mpsnet_core.operation import Operation, Result, convention_option, option, optional, output_option
@@ -148,7 +148,7 @@ class Estimate(RunsModel, HasViewpoint, ReadsPhotos):
         provenance="none",
         numbers=True,
     )
-    convention: Literal["opengl", "directx"] = convention_option("the normal map")
+    convention: Literal["opengl", "directx"] = convention_option(default="opengl", of="the normal map")
     confidence: str | None = output_option("also write a map of how far each normal can be trusted, for one photo")
     format: str | None = optional("png, tif or exr, if the output is a folder", unset="png")
     smooth: int = option(
@@ -169,6 +169,34 @@ class Estimate(RunsModel, HasViewpoint, ReadsPhotos):
     def run(self, progress: Progress = silent) -> NormalsMade | FramesMade:
         """Write the normal map of one photo, or those of several, of numbered frames or of a video."""
         return resolve_name("mpsnet_core.estimate.estimate_photos:estimate")(self, progress)
+
+
+@dataclass(frozen=True)
+class PhotoCalibrated(Result):
+    """The lights that were found in photos, and the file of their rig."""
+
+    output: str
+    """The rig file."""
+    lights: "list[LightFound]"
+    """The lights, in the order of the camera's channels."""
+
+
+@dataclass(frozen=True)
+class CalibratePhoto(TakesLightPhotos):
+    """Find the lights' directions in photos of any object, without a ball.
+
+    They are less exact than those of a mirror ball: several photos or frames under the same lights help.
+    """
+
+    command: ClassVar[str] = "calibrate photo"
+
+    image: tuple[str, ...] = option(
+        positional=True, help="photo(s) under the same three lights, a folder of them, or a pattern (frame_####.png)"
+    )
+
+    def run(self, progress: Progress = silent) -> PhotoCalibrated:
+        """Write the rig file."""
+        return resolve_name("mpsnet_core.estimate.lights.find:calibrate_photo")(self, progress)
 
 
 @dataclass(frozen=True)

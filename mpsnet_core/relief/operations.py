@@ -141,7 +141,7 @@ class Integrate(DisplacesMesh, MakesProducts, HasScale):
         help="normal map in camera space, as `mpsnet estimate` writes it; or with --uvs a texture",
         provenance="files",
     )
-    convention: Literal["opengl", "directx"] = convention_option("the normal map")
+    convention: Literal["opengl", "directx"] = convention_option(default="opengl", of="the normal map")
     method: Literal["fast", "bilateral"] = option(
         default="fast",
         choices={
@@ -227,7 +227,7 @@ class MakeMaterial(MeasuresPhoto, RunsModel, HasViewpoint, ReadsPhotos):
         "only the tilt of the photo",
     )
     grey: bool = option(default=False, help="make the albedo grey, for lights of unknown strengths")
-    convention: Literal["opengl", "directx"] = convention_option("the normals")
+    convention: Literal["opengl", "directx"] = convention_option(default="opengl", of="the normals")
     name: str | None = optional("prefix of the file names", unset="the photo's name")
     output: str = option(metavar="FOLDER", help="folder for the textures", path="folder", provenance="none")
 

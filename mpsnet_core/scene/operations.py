@@ -169,8 +169,8 @@ class CompareNormals(Operation):
     camera: str | None = optional(
         "camera file of the view, if the true normals are in world space", unset="they are in camera space"
     )
-    convention: Literal["opengl", "directx"] = convention_option("the normal map")
-    truth_convention: Literal["opengl", "directx"] = convention_option("the true normal map")
+    convention: Literal["opengl", "directx"] = convention_option(default="opengl", of="the normal map")
+    truth_convention: Literal["opengl", "directx"] = convention_option(default="opengl", of="the true normal map")
     output: str | None = optional("image of the errors: .png, .tif or .exr", metavar="FILE")
 
     def run(self, progress: Progress = silent) -> NormalsCompared:
