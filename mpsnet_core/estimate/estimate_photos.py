@@ -1,4 +1,4 @@
-"""The work of the operation estimate: photos, frames and videos to camera-space normal maps."""
+"""The work of the operations estimate and calibrate photo: from photos, frames and videos to normal maps, or a rig."""
 
 import logging
 import re
@@ -13,20 +13,20 @@ from mpsnet_core.capture.open import PhotoSet, open_captures
 from mpsnet_core.errors import SettingsError
 from mpsnet_core.estimate.albedo import albedo_from_white, write_albedo
 from mpsnet_core.estimate.ambient_light import warn_of_ambient_light
-from mpsnet_core.estimate.lights.find import with_lights
-from mpsnet_core.estimate.operations import Estimate, FramesMade, NormalsMade
+from mpsnet_core.estimate.lights.find import find_lights_of, with_lights
+from mpsnet_core.estimate.operations import CalibratePhoto, Estimate, FramesMade, NormalsMade, PhotoCalibrated
 from mpsnet_core.estimate.registry import BASELINES
 from mpsnet_core.estimate.sequence.run import Outcome, estimate_sequence
 from mpsnet_core.estimate.sequence.source import Frame, frame_masks, photo_frames
 from mpsnet_core.estimate.sequence.video import read_video_header, video_frames, video_outputs
-from mpsnet_core.io.files import check_no_overwrite, ensure_folder, resolved, writable_image, write_transaction
+from mpsnet_core.io import files as disk
 from mpsnet_core.io.frames import expand_images, is_folder_or_pattern, is_video, numbering, output_files
 from mpsnet_core.io.image_writing import write_image
 from mpsnet_core.io.marks import made
 from mpsnet_core.io.provenance import operation_facts
 from mpsnet_core.progress import Progress, part, silent
 from mpsnet_core.scene.normal_map import stating_the_error, write_normals
-from mpsnet_core.scene.rig import direction_from_angles, slant_and_tilt
+from mpsnet_core.scene.rig import direction_from_angles, slant_and_tilt, write_rig
 
 log = logging.getLogger(__name__)
 
@@ -47,8 +47,8 @@ def estimate(options: Estimate, progress: Progress = silent) -> NormalsMade | Fr
     if options.smooth:
         raise SettingsError("--smooth needs the frames of a sequence, but there is one photo; leave it out")
     [output] = output_files(photos, options.output, options.format)
-    maps = [writable_image(path) for path in (options.confidence, options.albedo) if path]
-    check_no_overwrite(inputs, [output, *maps])
+    maps = [disk.writable_image(path) for path in (options.confidence, options.albedo) if path]
+    disk.check_no_overwrite(inputs, [output, *maps])
     return _photo(options, photos[0], output, white_light, progress)
 
 
@@ -64,8 +64,8 @@ def _photo(options: Estimate, photo: Path, output: Path, white_light: F64 | None
     warn_of_ambient_light(capture, normals)
 
     progress(0.9, f"writing {output.name}")
-    ensure_folder(output.parent, "normals")
-    with write_transaction():
+    disk.ensure_folder(output.parent, "normals")
+    with disk.write_transaction():
         # A baseline's confidence is no expected error.
         told = None if estimator.name in BASELINES else stating_the_error(normals)
         write_normals(output, normals, convention=options.convention, description=told)
@@ -103,7 +103,7 @@ def _frames(options: Estimate, photos: list[Path], inputs: list[Path], progress:
 
 def _photos(options: Estimate, photos: list[Path], inputs: list[Path], progress: Progress) -> FramesMade:
     outputs = output_files(photos, options.output, options.format)
-    check_no_overwrite(inputs, outputs)
+    disk.check_no_overwrite(inputs, outputs)
     numbered = numbering(photos)
     masks = frame_masks(options.mask)
     if numbered is None and (options.smooth or masks.by_number):
@@ -135,8 +135,8 @@ def _video(options: Estimate, path: Path, inputs: list[Path], progress: Progress
     outputs = video_outputs(path, options.output, options.format)
     # The number of frames is not known before the video is read. An output's name ends in its frame number, so an
     # input can be overwritten only by the frames whose numbers are in the inputs' names.
-    numbers = {int(digits) for file in inputs for digits in re.findall("[0-9]+", resolved(file).stem)}
-    check_no_overwrite(inputs, map(outputs, numbers))
+    numbers = {int(digits) for file in inputs for digits in re.findall("[0-9]+", disk.resolved(file).stem)}
+    disk.check_no_overwrite(inputs, map(outputs, numbers))
     video = read_video_header(path, encoding=options.encoding)
     like, masks = options.source(path, options.rig), frame_masks(options.mask)
     lights = None
@@ -194,3 +194,17 @@ def _made(options: Estimate, outcome: Outcome, where: str | Path, **facts: Any) 
         text += f", {count} {words}" if count else ""
     done = options.output, made, outcome.there, outcome.pixels, left_out
     return FramesMade(*done, **facts, text=text, failed=failed or None)
+
+
+def calibrate_photo(options: CalibratePhoto, progress: Progress) -> PhotoCalibrated:
+    """Find the lights in photos, and write the rig file."""
+    files = options.photos(options.image)
+    progress(0.0, f"looking for the lights in {files[0].name}")
+    found = find_lights_of(options.sources(files, options.mask), options.read_options())
+    write_rig(options.output, found.rig)
+    lines = "\n".join(map(str, found.facts()))
+    result = PhotoCalibrated(options.output, found.facts(), text=f"{lines}\n{options.output}: the rig")
+    if options.json:
+        disk.write_json(options.json, result.metrics())
+    progress(1.0, "done")
+    return result

@@ -196,7 +196,7 @@ class CalibratePhoto(TakesLightPhotos):
 
     def run(self, progress: Progress = silent) -> PhotoCalibrated:
         """Write the rig file."""
-        return resolve_name("mpsnet_core.estimate.lights.find:calibrate_photo")(self, progress)
+        return resolve_name("mpsnet_core.estimate.estimate_photos:calibrate_photo")(self, progress)
 
 
 @dataclass(frozen=True)

@@ -20,12 +20,9 @@ from mpsnet_core.capture.decode import PhotoReadOptions
 from mpsnet_core.capture.open import PhotoSet, Source
 from mpsnet_core.errors import GeometryError, InputError, NoObject, Note
 from mpsnet_core.estimate.onnx_model import open_session, run_session
-from mpsnet_core.estimate.operations import CalibratePhoto, PhotoCalibrated
 from mpsnet_core.estimate.registry import MODELS_FOLDER
-from mpsnet_core.io.files import write_json
 from mpsnet_core.io.image import CHANNELS
-from mpsnet_core.progress import Progress
-from mpsnet_core.scene.rig import LightRig, angles_of, write_rig
+from mpsnet_core.scene.rig import LightRig, angles_of
 
 # --- the object of a photo as the network of lights sees it: small, centred, scaled to fit, at several angles ---------
 
@@ -430,17 +427,3 @@ def _opened(
     if not found and failure:
         raise failure
     return found, photos.options
-
-
-def calibrate_photo(options: CalibratePhoto, progress: Progress) -> PhotoCalibrated:
-    """Find the lights in photos, and write the rig file."""
-    files = options.photos(options.image)
-    progress(0.0, f"looking for the lights in {files[0].name}")
-    found = find_lights_of(options.sources(files, options.mask), options.read_options())
-    write_rig(options.output, found.rig)
-    lines = "\n".join(map(str, found.facts()))
-    result = PhotoCalibrated(options.output, found.facts(), text=f"{lines}\n{options.output}: the rig")
-    if options.json:
-        write_json(options.json, result.metrics())
-    progress(1.0, "done")
-    return result
