@@ -10,10 +10,9 @@ from zlib import crc32
 import bpy
 from bpy.app.handlers import persistent
 
-from mpsnet_core.calibrate.mesh_operation import CalibrateMesh
-from mpsnet_core.calibrate.operations import CalibrateLights, CalibrateMixing
+from mpsnet_core.calibrate.operations import CalibrateLights, CalibrateMesh, CalibrateMixing
 from mpsnet_core.errors import InputError, Note
-from mpsnet_core.estimate.lights.operation import CalibratePhoto
+from mpsnet_core.estimate.operations import CalibratePhoto
 from mpsnet_core.operation import Operation
 
 from ..image_records import from_json
