@@ -21,25 +21,14 @@ glTF2ExportUserExtension = GltfExtension
 
 # Modules with classes or handlers, in the order in which they are registered.
 _NAMES = (
-    *("settings.align", "settings.rig", "settings.calibrate", "settings.photo", "settings.superpose"),
-    *("settings.estimate", "settings.bake", "settings.heights", "settings.displace", "settings.views"),
-    *("settings.material", "settings.samples", "settings.record", "settings.relight", "settings.scene"),
-    *("settings.unknown", "preferences", "settings.choices", "presets", "operators.reporting", "operators.core_run"),
-    "operators.show_image",
-    "operators.choose_file",
+    *("settings.rig", "settings.photo", "settings.estimate", "settings.bake", "settings.heights"),
+    *("settings.samples", "settings.record", "settings.scene", "settings.unknown", "preferences", "settings.choices"),
+    *("presets", "operators.reporting", "operators.core_run", "operators.show_image", "operators.choose_file"),
     *("rig.rig", "rig.several_rigs", "rig.light_preview", "rig.rig_picture"),
-    *("photo.photo", "photo.align", "photo.pick_points", "photo.check", "photo.look_through"),
-    *("photo.find_lights", "photo.paint_mask", "estimate.estimate", "estimate.error_map"),
-    *("bake.bake", "bake.node_group", "heights.displace", "heights.integrate", "bake.many_views", "bake.coverage"),
-    *(
-        "material",
-        "training.training_data",
-        "bake.relight",
-        "bake.before_after",
-        "bake.unwrap",
-        "start.try_it",
-        "start.scan",
-    ),
+    *("photo.photo", "photo.align", "photo.pick_points", "photo.look_through", "photo.find_lights", "photo.paint_mask"),
+    *("estimate.estimate", "bake.bake", "bake.node_group", "heights.displace", "heights.integrate"),
+    *("bake.many_views", "bake.coverage", "material", "training.training_data", "bake.relight"),
+    *("bake.before_after", "bake.unwrap", "start.try_it", "start.scan"),
     *("panels", "menu", "manual", "commands", "translations"),
 )
 _MODULES = [import_module(f".{name}", __name__) for name in _NAMES]

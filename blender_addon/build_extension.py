@@ -1,6 +1,6 @@
 """Build the extension's zips, one for each platform and Python, and the index of a repository of them.
 
-    python blender_addon/build_extension.py [--python 3.11,3.13] [--platform linux-x64,windows-x64,macos-arm64]
+    python blender_addon/build_extension.py [--python 3.11 3.13] [--platform linux-x64 windows-x64 macos-arm64]
 
 A zip has all dependencies except Python and NumPy, which are Blender's own. Each wheel is the unmodified one from PyPI,
 so its RECORD is valid; only the project's own wheel is built here. Videos need no library: Blender decodes them.
@@ -10,7 +10,6 @@ import argparse
 import email
 import importlib.metadata
 import importlib.util
-import itertools
 import json
 import re
 import shutil
@@ -19,17 +18,16 @@ import sys
 import tempfile
 import tomllib
 import zipfile
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NoReturn
 
 from packaging.requirements import Requirement
 from packaging.tags import mac_platforms
 from packaging.utils import canonicalize_name, parse_wheel_filename
 
 from mpsnet_core import __version__
-from mpsnet_core.progress import Progress, shown_progress, silent
 
 ADDON = Path(__file__).resolve().parent
 PROJECT = ADDON.parent
@@ -41,28 +39,14 @@ WORK = PROJECT / "build" / "extension"
 BLENDER_NUMPY = {"3.11": "1.26.*", "3.13": "2.2.*", "3.14": "2.3.*"}
 
 
-@dataclass(frozen=True)
-class Platform:
-    """One of Blender's platforms. The others than its tags are its values in environment markers."""
-
-    tags: list[str]
-    """Compatible tags of wheels."""
-    sys_platform: str
-    """linux, win32 or darwin."""
-    platform_system: str
-    """Linux, Windows or Darwin."""
-    os_name: str
-    """posix or nt."""
-    platform_machine: str
-    """The processor."""
-
-
-# Blender itself needs glibc 2.28; onnxruntime's wheels need macOS 14.
+# For each of Blender's platforms, the compatible tags of wheels, and its values of these environment markers. Blender
+# itself needs glibc 2.28; onnxruntime's wheels need macOS 14.
+MARKERS = ("sys_platform", "platform_system", "os_name", "platform_machine")
 MANYLINUX = [*(f"manylinux_2_{minor}_x86_64" for minor in range(28, 16, -1)), "manylinux2014_x86_64"]
-PLATFORMS = {
-    "linux-x64": Platform(MANYLINUX, "linux", "Linux", "posix", "x86_64"),
-    "windows-x64": Platform(["win_amd64"], "win32", "Windows", "nt", "AMD64"),
-    "macos-arm64": Platform(list(mac_platforms((14, 0), "arm64")), "darwin", "Darwin", "posix", "arm64"),
+PLATFORMS: dict[str, tuple[list[str], str, str, str, str]] = {
+    "linux-x64": (MANYLINUX, "linux", "Linux", "posix", "x86_64"),
+    "windows-x64": (["win_amd64"], "win32", "Windows", "nt", "AMD64"),
+    "macos-arm64": (list(mac_platforms((14, 0), "arm64")), "darwin", "Darwin", "posix", "arm64"),
 }
 
 # Optional dependencies of the core that Blender's users cannot install themselves: camera raw.
@@ -74,8 +58,9 @@ NOTICES = "THIRD_PARTY_NOTICES.txt"
 MAX_ZIP_BYTES = 80 * 1000 * 1000
 
 
-class BuildError(Exception):
-    """The build failed. The message is one sentence: what is wrong and how to mend it."""
+def fail(sentence: str) -> NoReturn:
+    """End the build with a sentence: what is wrong and how to mend it."""
+    sys.exit(f"build_extension: {sentence}")
 
 
 @dataclass(frozen=True)
@@ -93,22 +78,23 @@ class Target:
     @property
     def pip_options(self) -> list[str]:
         options = ["--only-binary=:all:", "--implementation=cp", f"--python-version={self.python}"]
-        return [*options, *(f"--platform={tag}" for tag in PLATFORMS[self.platform].tags)]
+        return [*options, *(f"--platform={tag}" for tag in PLATFORMS[self.platform][0])]
 
     @property
     def markers(self) -> dict[str, str]:
         """The environment in which markers such as `sys_platform == "win32"` are evaluated."""
-        names = {key: value for key, value in vars(PLATFORMS[self.platform]).items() if key != "tags"}
+        _, *values = PLATFORMS[self.platform]
+        names = dict(zip(MARKERS, values, strict=True))
         return {**names, "python_version": self.python, "python_full_version": f"{self.python}.0", "extra": ""}
 
 
 def run(command: Sequence[str | Path], failure: str) -> None:
-    """Run `command` quietly. If it fails, raise BuildError with `failure` and the end of its output."""
+    """Run `command` quietly. If it fails, end the build with `failure` and the end of its output."""
     done = subprocess.run(command, capture_output=True, encoding="utf-8", errors="replace", cwd=PROJECT)
     if done.returncode:
         lines = [line.strip() for line in (done.stderr + done.stdout).splitlines() if line.strip()]
         errors = [line for line in lines if line.lower().startswith(("error", "fatal"))] or lines[-1:]
-        raise BuildError(f"{failure}: {errors[0] if errors else f'exit code {done.returncode}'}")
+        fail(f"{failure}: {errors[0] if errors else f'exit code {done.returncode}'}")
 
 
 def find_blender_ext() -> Path:
@@ -117,7 +103,7 @@ def find_blender_ext() -> Path:
     for folder in (spec.submodule_search_locations if spec else None) or ():
         for found in Path(folder).glob("*/scripts/addons_core/bl_pkg/cli/blender_ext.py"):
             return found
-    raise BuildError("bpy is not installed here; install it or name a Blender's blender_ext.py with --blender-ext")
+    fail("bpy is not installed here; install it or name a Blender's blender_ext.py with --blender-ext")
 
 
 def build_core_wheel(folder: Path) -> Path:
@@ -136,7 +122,7 @@ def build_core_wheel(folder: Path) -> Path:
 def resolve(requirements: Sequence[str], target: Target) -> list[str]:
     """All dependencies of `requirements` on `target`, as "name==version", without numpy, which is Blender's own.
 
-    Raises BuildError if there is no such set of wheels, or none that works with Blender's NumPy.
+    The build ends if there is no such set of wheels, or none that works with Blender's NumPy.
     """
     WORK.mkdir(parents=True, exist_ok=True)
     report, constraints = WORK / "report.json", WORK / "constraints.txt"
@@ -177,7 +163,7 @@ def download(pins: Sequence[str], target: Target) -> list[Path]:
     run([*command, *pins], f"the wheels for {target} cannot be downloaded")
     wheels = [wheel for wheel in sorted(folder.glob("*.whl")) if "==".join(identity(wheel)) in pins]
     if len(wheels) != len(pins):
-        raise BuildError(f"{folder} holds {len(wheels)} wheels of {len(pins)} packages; empty it and build again")
+        fail(f"{folder} holds {len(wheels)} wheels of {len(pins)} packages; empty it and build again")
     return wheels
 
 
@@ -283,108 +269,61 @@ def stage(core: Path, wheels: Sequence[Path], platform: str, manual: Path | None
 
 
 def check_zip(path: Path, blender_ext: Path) -> None:
-    """Raise BuildError if Blender or extensions.blender.org would not accept the zip."""
+    """End the build if Blender or extensions.blender.org would not accept the zip."""
     run([sys.executable, blender_ext, "validate", path], f"Blender refuses {path.name}")
     with zipfile.ZipFile(path) as archive:
         if any(Path(name).name.startswith("numpy-") for name in archive.namelist()):
-            raise BuildError(f"{path.name} holds a numpy wheel, which would replace Blender's own; leave it out")
+            fail(f"{path.name} holds a numpy wheel, which would replace Blender's own; leave it out")
         parts = sorted((info.compress_size / 1e6, Path(info.filename).name) for info in archive.infolist())[::-1]
     size = path.stat().st_size
     print(f"{path.name}  {size / 1e6:.1f} MB: " + ", ".join(f"{name.split('-')[0]} {mb:.1f}" for mb, name in parts[:6]))
     if size > MAX_ZIP_BYTES:
-        raise BuildError(f"{path.name} is above {MAX_ZIP_BYTES / 1e6:.0f} MB; see above what takes the room")
+        fail(f"{path.name} is above {MAX_ZIP_BYTES / 1e6:.0f} MB; see above what takes the room")
 
 
-def steps_of(count: int, progress: Progress) -> Callable[[str], None]:
-    """Reports the beginning of each of `count` steps."""
-    numbers = itertools.count()
-    return lambda what: progress(next(numbers) / count, what)
-
-
-def build(
-    pythons: Sequence[str], platforms: Sequence[str], output: Path, blender_ext: Path, progress: Progress = silent
-) -> None:
+def build(pythons: Sequence[str], platforms: Sequence[str], output: Path, blender_ext: Path) -> None:
     """Build one zip for each platform and Python into `output`, and the index of a repository of all zips there."""
     project = tomllib.loads((PROJECT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
     manifest = tomllib.loads((ADDON / "blender_manifest.toml").read_text(encoding="utf-8"))
     if manifest["version"] != __version__:
-        raise BuildError(
-            f"blender_manifest.toml has version {manifest['version']}, mpsnet_core {__version__}; match them"
-        )
+        fail(f"blender_manifest.toml has version {manifest['version']}, mpsnet_core {__version__}; match them")
     extras = project["optional-dependencies"]
     requirements = [*project["dependencies"], *(line for extra in EXTRAS for line in extras[extra])]
-    targets = [Target(python, platform) for platform in platforms for python in pythons]
-    step = steps_of(4 + 3 * len(targets), progress)
-    step("building the wheel of mpsnet_core")
+    print("building the wheel of mpsnet_core and the manual", flush=True)
     core = build_core_wheel(WORK / "core")
-    step("building the manual")
     manual = WORK / "manual" if build_manual(WORK / "manual") else None
     output.mkdir(parents=True, exist_ok=True)
     packager = [sys.executable, str(blender_ext)]
-    step("checking the translations")
     warn_of_missing_translations()
-    for target in targets:
-        step(f"{target}: finding the wheels")
+    for target in [Target(python, platform) for platform in platforms for python in pythons]:
+        print(f"{target}: finding the wheels", flush=True)
         pins = resolve(requirements, target)
         print(f"{target}: {', '.join(pins)}", flush=True)
-        step(f"{target}: downloading the wheels")
         source = stage(core, download(pins, target), target.platform, manual)
         path = output / f"{manifest['id']}-{manifest['version']}-{target.platform}-python{target.python}.zip"
-        step(f"{target}: packing")
-        run([*packager, "validate", str(source)], "Blender refuses the extension")
         build_options = ["build", f"--source-dir={source}", f"--output-filepath={path}"]
         run([*packager, *build_options], "Blender cannot pack the extension")
         check_zip(path, blender_ext)
-    step("listing the zips")
     run([*packager, "server-generate", f"--repo-dir={output}", "--html"], f"Blender cannot list the zips in {output}")
 
 
-def choices(allowed: Iterable[str]) -> Any:
-    """An argparse type: a comma-separated list, each one of `allowed`."""
-
-    def parse(text: str) -> list[str]:
-        unknown = [one for one in text.split(",") if one not in allowed]
-        if unknown:
-            raise argparse.ArgumentTypeError(f"{unknown[0]!r} is none of {', '.join(allowed)}")
-        return list(dict.fromkeys(text.split(",")))
-
-    return parse
-
-
-def main() -> int:
+def main() -> None:
     parser = argparse.ArgumentParser(description="Build the Blender extension's zips, one per platform and Python.")
+    pythons, default = list(BLENDER_NUMPY), ["3.11", "3.13"]
     parser.add_argument(
-        "--python",
-        type=choices(BLENDER_NUMPY),
-        default=["3.11", "3.13"],
-        metavar="LIST",
-        help=f"Blenders' Pythons, with commas, of {', '.join(BLENDER_NUMPY)} (default: 3.11,3.13)",
+        "--python", nargs="+", choices=pythons, default=default, help="Blenders' Pythons (default: 3.11 3.13)"
     )
-    parser.add_argument(
-        "--platform",
-        type=choices(PLATFORMS),
-        default=list(PLATFORMS),
-        metavar="LIST",
-        help=f"with commas, of {', '.join(PLATFORMS)} (default: all)",
-    )
+    parser.add_argument("--platform", nargs="+", choices=PLATFORMS, default=list(PLATFORMS), help="(default: all)")
     parser.add_argument("--output", type=Path, default=PROJECT / "dist", help="folder of the zips (default: dist)")
     parser.add_argument(
         "--blender-ext", type=Path, help="Blender's blender_ext.py (default: that of the installed bpy)"
     )
     options = parser.parse_args()
-    progress = shown_progress()
-    try:
-        blender_ext = options.blender_ext or find_blender_ext()
-        if not blender_ext.is_file():
-            raise BuildError(f"{blender_ext} does not exist; Blender has it under scripts/addons_core/bl_pkg/cli")
-        build(options.python, options.platform, options.output.resolve(), blender_ext.resolve(), progress)
-    except BuildError as error:
-        print(f"build_extension: {error}", file=sys.stderr)
-        return 2
-    finally:
-        progress.close()
-    return 0
+    blender_ext = options.blender_ext or find_blender_ext()
+    if not blender_ext.is_file():
+        fail(f"{blender_ext} does not exist; Blender has it under scripts/addons_core/bl_pkg/cli")
+    build(options.python, options.platform, options.output.resolve(), blender_ext.resolve())
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    main()

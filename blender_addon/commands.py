@@ -23,8 +23,7 @@ from .openimageio import load_openimageio
 from .operators import progress, reporting
 from .operators.reporting import CANCELLED
 from .photo.background_render import render_job
-from .rig.several_rigs import all_rigs
-from .scene.objects import find_object, refuse_unselectable
+from .scene.objects import find_object, refuse_unselectable, select
 from .settings.record import result_of
 
 COMMAND = "mpsnet"
@@ -72,7 +71,7 @@ def main(argv: Sequence[str]) -> int:
         verb = options.pop("verb")
         if verb == "work":
             load_openimageio()
-            from .training.samples.worker import work
+            from .training.samples.render import work
 
             work(options["path"])
             return 0
@@ -128,7 +127,7 @@ def _do(verb: str, options: dict[str, Any], reporter: Reporter) -> None:
         options.setdefault("resume", True)  # the scene is what its file holds
     operator = getattr(bpy.ops.mps, verb)
     if not operator.poll():
-        raise InputError(_obstacle(verb))
+        raise InputError(getattr(bpy.types, f"MPS_OT_{verb}").lacks(bpy.context))
     with _reported(reporter) as notes:
         operator(**options)
     if save:
@@ -149,7 +148,7 @@ def _result(verb: str, *, every_rig: bool) -> dict[str, Any]:
     """What a verb made: what there is to say of it and "written", the files of all rigs if it worked with every rig."""
     verbs = _PARTS.get(verb, (verb,))
     mps = bpy.context.scene.mps
-    places = [*(all_rigs(bpy.context.scene) if every_rig else ()), mps]
+    places = [*(mps.every_rig if every_rig else ()), mps]
     results = [result_of(one, step) for step in verbs for one in places]
     files = [file for result in results for file in result.get("written", [])]
     return {**next(filter(None, results), {}), "written": list(dict.fromkeys(files))}
@@ -193,15 +192,6 @@ def _reported(reporter: Reporter) -> Iterator[NoteCollector]:
             print(f"note: {note}", file=sys.stderr)  # noqa: T201
 
 
-def _obstacle(verb: str) -> str:
-    """Why a verb cannot run yet: the poll message, which only a failing call returns."""
-    try:
-        getattr(bpy.ops.mps, verb)()
-    except RuntimeError as error:
-        return " ".join(str(error).split()).split("poll() ", 1)[-1]
-    return f"{verb.replace('_', '-')} cannot run on this scene"
-
-
 def _select(names: Sequence[str]) -> None:
     if not names:
         return
@@ -211,9 +201,8 @@ def _select(names: Sequence[str]) -> None:
             raise InputError(f'"{name}" is in no collection of this view layer; include one of its collections')
         if len(names) > 1:  # a hidden one may still be the active one
             refuse_unselectable(layer.objects[name])
-    for obj in layer.objects:
-        obj.select_set(obj.name in names)
-    layer.objects.active = layer.objects[names[-1]]
+    objects = [layer.objects[name] for name in names]
+    select(layer, objects, objects[-1])
 
 
 def argument_parser() -> argparse.ArgumentParser:
@@ -264,8 +253,7 @@ def _add_flag(parser: argparse.ArgumentParser, setting: Any) -> None:
         metavar = {"FILE_PATH": "FILE", "FILE_NAME": "FILE", "DIR_PATH": "DIR"}.get(setting.subtype, "NAME")
         parser.add_argument(flag, type=str if metavar == "NAME" else _absolute, metavar=metavar, help=words)
     else:
-        number = _number(int if setting.type == "INT" else float, setting.soft_min, setting.soft_max)
-        parser.add_argument(flag, type=number, metavar="N", help=words + default)
+        parser.add_argument(flag, type=integer if setting.type == "INT" else float, metavar="N", help=words + default)
 
 
 def _absolute(path: str) -> str:
@@ -288,19 +276,11 @@ def _several(choices: Sequence[str]) -> Any:
     return parse
 
 
-def _number(kind: type, low: float, high: float) -> Any:
-    """A parser that rejects values that Blender would silently clamp."""
-
-    def parse(text: str) -> float:
-        try:
-            value = kind(text)
-        except ValueError:
-            raise argparse.ArgumentTypeError(f"{text!r} is not a{'n integer' if kind is int else ' number'}") from None
-        if not low <= value <= high:
-            raise argparse.ArgumentTypeError(f"{text} is outside {low:g} to {high:g}")
-        return value
-
-    return parse
+def integer(text: str) -> int:
+    """A whole number that Blender can hold. The operator refuses one outside of its setting's range."""
+    if abs(number := int(text)) >= 2**31:
+        raise ValueError
+    return number
 
 
 _handle: list[Any] = []

@@ -38,14 +38,9 @@ def load_image(path: Path, name: str, *, is_data: bool) -> bpy.types.Image:
         remember(image, LOADED, path.name)
     if image.source == "SEQUENCE":
         image.source = "FILE"
-    if image.packed_file:
-        image.unpack(method="REMOVE")  # otherwise the packed file would be read again
     if is_data:  # set before its pixels are read: 4.5 does not convert them again
         image.colorspace_settings.is_data = True
-    image.reload()
-    image.name = name
-    if image.preview:  # otherwise the panel would show the old content
-        image.preview.reload()
+    _read_again(image, name)
     _pack_or_make_relative(image, path)
     return image
 
@@ -65,14 +60,21 @@ def load_tiles(pattern: Path, numbers: Sequence[int], name: str, *, is_data: boo
         image.unpack(method="REMOVE")
     image.source = "TILED"
     image.filepath = str(pattern)
-    image.reload()
+    _read_again(image, name)
     for tile in [tile for tile in image.tiles if tile.number not in numbers]:
         image.tiles.remove(tile)  # Blender loads all files that match the pattern, even those of earlier bakes
-    image.name = name
-    if image.preview:
-        image.preview.reload()
     _pack_or_make_relative(image, pattern)
     return image
+
+
+def _read_again(image: bpy.types.Image, name: str) -> None:
+    """Read an image's file again, and name the image."""
+    if image.packed_file:
+        image.unpack(method="REMOVE")  # otherwise the packed file would be read again
+    image.reload()
+    image.name = name
+    if image.preview:  # otherwise the panel would show the old content
+        image.preview.reload()
 
 
 def _loaded_from(path: Path) -> Any:
@@ -99,17 +101,19 @@ def load_frames(first: Path, name: str) -> bpy.types.Image:
     return image
 
 
-def load_photo(path: Path, name: str) -> bpy.types.Image:
+def load_photo(path: Path, name: str, source: Path | None = None) -> bpy.types.Image:
     """Load a photo as an image, and store the rig and camera of its sidecar files in it.
+
+    source: the photo's own file, if `path` only shows it in a form that Blender can read.
 
     Raises InputError if Blender cannot read it, or the file of its rig or camera is malformed.
     """
-    known = {what: read_sidecar(path, what) for what in ("rig", "camera")}
+    known = {what: read_sidecar(source or path, what) for what in ("rig", "camera")}
     image = load_image(path, name, is_data=False)
     if not image.size[0]:
         bpy.data.images.remove(image)
         raise FormatError(f"cannot read {path}: it is not an image or is damaged; export it again")
-    for what, text in known.items():
+    for what, text in {**known, "source": str(source.absolute()) if source else None}.items():
         remember(image, what, text)
     return image
 

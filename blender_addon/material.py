@@ -17,17 +17,16 @@ from mpsnet_core.scene.camera import read_camera
 from .appearance.modifiers import FACES, remove_modifier, subdivide
 from .appearance.nodes import ensure_node, new_material
 from .appearance.shader_graph import output_of, shaders_of
-from .image_records import origin, remember, remembered
+from .image_records import Provenance, chosen, origin, remember, remembered
 from .images import image_file, load_image, picture_size
 from .operators.core_run import RunsCore
 from .outputs import requested_path
 from .photo.options import network, reading_without_mask, rig_and_camera_options
 from .photo.studio import FLAT_PLANE
 from .preferences import output_folder
-from .provenance import Provenance, chosen, stamp
 from .scene.surfaces import SURFACES, box_of
-from .settings.declared import apply_given_settings, options_of
-from .settings.material import MaterialSettings
+from .settings.declared import options_of
+from .settings.estimate import MaterialSettings
 
 # Whether each texture is non-colour data.
 _IS_DATA = {"albedo": False, "normal": True, "height": True}
@@ -44,22 +43,16 @@ class MPS_OT_make_material(RunsCore, MaterialSettings, bpy.types.Operator):
 
     Writes normals, height, curvature and albedo, and shows the material on a plane of its true size"""
 
-    bl_idname = "mps.make_material"
     bl_label = "Make Flat Material"
-    requires = "photo"
+    requires, step = "photo", "material"
 
     @classmethod
     def provenance(cls, context: Any) -> Provenance:
-        scene = context.scene.mps
-        return {
-            "Photo": stamp(scene.photo.image),
-            **chosen(scene.material, without=("output",)),
-            **chosen(scene.estimate, only=("encoding", "dark", "flat", "rig_file", "lens")),
-        }
+        read = chosen(context.scene.mps.estimate, only=("encoding", "dark", "flat", "rig_file", "lens"))
+        return {**super().provenance(context), **read}
 
     def prepare(self, context: Any, folder: Path) -> tuple[MakeMaterial, Sequence[Path]]:
         scene = context.scene
-        apply_given_settings(self, scene.mps.material)
         image = scene.mps.photo.image
         if image.source in {"SEQUENCE", "MOVIE"}:
             raise InputError("a flat material is made of one photo, and this is a sequence; open one of its frames")
@@ -72,7 +65,7 @@ class MPS_OT_make_material(RunsCore, MaterialSettings, bpy.types.Operator):
         across, down = width - self.crop_left - self.crop_right, height - self.crop_top - self.crop_bottom
         if min(across, down) < 1:
             raise SettingsError(f"the crop leaves nothing of the photo's {width} x {height} pixels; leave out less")
-        lit = rig_and_camera_options(context, image, folder, self.schedule)
+        lit = rig_and_camera_options(context, image, folder, self.write_mesh)
         if lit["rig"] is None:
             raise SettingsError("nothing says where this photo's lights are; choose their rig file, or find them")
         cropped = (across, down) != (width, height)
@@ -123,8 +116,7 @@ class MPS_OT_make_material(RunsCore, MaterialSettings, bpy.types.Operator):
             remove_modifier(plane, FACES)
         elif FACES not in plane.modifiers:  # otherwise the user may have reduced the levels
             subdivide(plane, "SIMPLE", _SHOWN_LEVELS, _RENDERED_LEVELS, FACES)
-        settings.image = preview = load_image(files["preview"], f"{name} preview", is_data=False)
-        self.made(preview)
+        settings.image = self.loaded(files["preview"], f"{name} preview", is_data=False)
         words = "%.4g x %.4g mm, %.3g mm deep. Seam %.2f, where 1 is none"
         settings.summary = Note(words, made["width_mm"], made["height_mm"], result["relief_mm"], result["seam"])
         self.tell(f"Material written to {self._output}: {settings.summary}")
@@ -196,7 +188,7 @@ def assign_pictures(material: Any, images: dict[str, Any], black: float, white: 
     links = material.node_tree.links
 
     def node(kind: str, name: str, x: float, y: float) -> Any:
-        return ensure_node(material.node_tree, name, kind, x, y)
+        return ensure_node(material.node_tree, name, x, y, kind)
 
     output = output_of(material) or node("ShaderNodeOutputMaterial", "Material Output", 400, 0)
     shader = node("ShaderNodeBsdfPrincipled", "Principled BSDF", 0, 0)

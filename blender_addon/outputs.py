@@ -31,16 +31,12 @@ def output_path(given: str, name: str, file_format: str) -> Path:
     if not path.suffix:
         path = path.with_name(f"{path.name}.{FORMATS[file_format]}")
     if folder is not None:
-        _refuse_images_of_users(path)
+        for image in images_of([path]):
+            if not is_own(image):  # but the user's
+                raise FileError(f'the result would overwrite {path}, the image "{image.name}"; choose another output')
     if path.suffix.lower() not in FORMAT_OF:
         raise SettingsError(f"cannot write {path}: the ending {path.suffix} is not known; use .png, .tif or .exr")
     return writable_path(path)
-
-
-def _refuse_images_of_users(path: Path) -> None:
-    for image in images_of([path]):
-        if not is_own(image):
-            raise FileError(f'the result would overwrite {path}, the image "{image.name}"; choose another output')
 
 
 def requested_path(given: str) -> Path:
@@ -60,11 +56,8 @@ def _without_tokens(given: str) -> str:
     statue_v003.blend."""
     stem = Path(bpy.data.filepath).stem
     shot, version = re.fullmatch(r"(.*?)(?:[._-]?(v\d+))?", stem).groups()  # type: ignore[union-attr]
-    for token, value in (
-        ("<SHOT>", shot),
-        ("<VERSION>", version),
-        ("<FRAME>", f"{bpy.context.scene.frame_current:04}"),
-    ):
+    frame = f"{bpy.context.scene.frame_current:04}"
+    for token, value in (("<SHOT>", shot), ("<VERSION>", version), ("<FRAME>", frame)):
         if token in given and not value:
             raise FileError(
                 f"{given}: nothing stands for {token}; save this file under a name such as statue_v003.blend"

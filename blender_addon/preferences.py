@@ -49,7 +49,6 @@ class MPS_AddonPreferences(bpy.types.AddonPreferences):
     training: BoolProperty(
         name="Training Data",
         description='Show the tab "MPS Training" in the sidebar of the 3D viewport, which renders training data',
-        default=False,
     )
     cluster: StringProperty(
         name="Cluster",
@@ -59,7 +58,6 @@ class MPS_AddonPreferences(bpy.types.AddonPreferences):
     cluster_trusted: BoolProperty(
         name="Trusted Network",
         description="The cluster's address need not be tls://. Whoever is in its network may run code on this machine",
-        default=False,
     )
 
     def draw(self, context: bpy.types.Context) -> None:

@@ -45,7 +45,6 @@ class _AddPreset(AddPresetBase):
 class MPS_OT_add_rig_preset(_AddPreset, bpy.types.Operator):
     """Keep the rig's settings as a preset, or remove one"""
 
-    bl_idname = "mps.add_rig_preset"
     bl_label = "Add Rig Preset"
     step, preset_menu, preset_subdir = "rig", "MPS_PT_rig_presets", MPS_PT_rig_presets.preset_subdir
 
@@ -53,6 +52,5 @@ class MPS_OT_add_rig_preset(_AddPreset, bpy.types.Operator):
 class MPS_OT_add_bake_preset(_AddPreset, bpy.types.Operator):
     """Keep the bake's settings as a preset, or remove one; files and names are not kept"""
 
-    bl_idname = "mps.add_bake_preset"
     bl_label = "Add Bake Preset"
     step, preset_menu, preset_subdir = "bake", "MPS_PT_bake_presets", MPS_PT_bake_presets.preset_subdir

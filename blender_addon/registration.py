@@ -1,7 +1,8 @@
 """What a module of the add-on adds to Blender, and its removal.
 
 That is its classes (``MPS_...``) in their order, its ``HANDLERS`` (functions by the names of Blender's lists, of which
-a Blender may lack some), its ``TIMERS``, which it starts itself, and what its own ``register`` adds.
+a Blender may lack some), its ``TIMERS``, which it starts itself, and what its own ``register`` adds. The class of an
+operator says its name: ``MPS_OT_bake`` is ``bpy.ops.mps.bake``.
 """
 
 from types import ModuleType
@@ -19,6 +20,8 @@ def classes_in(module: ModuleType) -> list[Any]:
 def register_module(module: ModuleType) -> None:
     """Add the module's classes and handlers to Blender, and call its ``register``."""
     for cls in classes_in(module):
+        if issubclass(cls, bpy.types.Operator):
+            cls.bl_idname = f"mps.{cls.__name__.removeprefix('MPS_OT_')}"
         bpy.utils.register_class(cls)
     for handlers, handler in _handlers(module):
         handlers.append(handler)

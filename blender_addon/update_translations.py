@@ -24,7 +24,7 @@ from blender_addon.panels.models import NAMES as NAMES_OF_MODELS
 from blender_addon.panels.step import Kind
 from blender_addon.panels.traffic_light import LIGHTS
 from blender_addon.photo.find_lights import CHANNEL, UNEXPLAINED
-from blender_addon.rig.light_rig import COLOURS
+from blender_addon.rig.rig import COLOURS
 from blender_addon.settings.messages import in_blender
 from blender_addon.translations import LOCALE, one_line
 from mpsnet_core.capture.photo_check import ITEMS

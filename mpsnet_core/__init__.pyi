@@ -17,10 +17,10 @@ from mpsnet_core.bake.scan import Scan as Scan
 from mpsnet_core.bake.settings import BakeSettings as BakeSettings
 from mpsnet_core.calibrate.lights import LightsFound as LightsFound
 from mpsnet_core.calibrate.lights import find_lights as find_lights
-from mpsnet_core.calibrate.mesh_operation import CalibrateMesh as CalibrateMesh
 from mpsnet_core.calibrate.mixing import MixingFound as MixingFound
 from mpsnet_core.calibrate.mixing import mixing_from_ball as mixing_from_ball
 from mpsnet_core.calibrate.operations import CalibrateLights as CalibrateLights
+from mpsnet_core.calibrate.operations import CalibrateMesh as CalibrateMesh
 from mpsnet_core.calibrate.operations import CalibrateMixing as CalibrateMixing
 from mpsnet_core.capture.capture import Capture as Capture
 from mpsnet_core.capture.decode import Correction as Correction
@@ -42,7 +42,7 @@ from mpsnet_core.estimate.albedo import read_albedo as read_albedo
 from mpsnet_core.estimate.albedo import write_albedo as write_albedo
 from mpsnet_core.estimate.alignment.operation import Align as Align
 from mpsnet_core.estimate.estimator import estimate_normals as estimate_normals
-from mpsnet_core.estimate.lights.operation import CalibratePhoto as CalibratePhoto
+from mpsnet_core.estimate.operations import CalibratePhoto as CalibratePhoto
 from mpsnet_core.estimate.operations import Estimate as Estimate
 from mpsnet_core.estimate.sequence.run import estimate_sequence as estimate_sequence
 from mpsnet_core.io.image_reading import read_image as read_image

@@ -11,24 +11,15 @@ import functools
 import inspect
 import math
 import os
+import typing
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextvars import ContextVar
 from dataclasses import dataclass, field
 from numbers import Integral, Real
 from types import UnionType
-from typing import (
-    TYPE_CHECKING,
-    Any,
-    ClassVar,
-    Literal,
-    TypeVar,
-    Union,
-    dataclass_transform,
-    get_args,
-    get_origin,
-    get_type_hints,
-)
+from typing import TYPE_CHECKING, Any, ClassVar, Literal, TypeVar, Union, dataclass_transform
 
+from mpsnet_core.defaults import CONVENTIONS
 from mpsnet_core.errors import SettingsError, check_choice
 from mpsnet_core.progress import Bar, Progress, can_show_bar, silent
 
@@ -134,6 +125,11 @@ def output_option(help: str, *, metavar: str = "FILE", **more: Any) -> Any:
     return option(default=None, help=help, metavar=metavar, provenance="none", **more)
 
 
+def convention_option(*, default: str, of: str) -> Any:
+    """An option for the convention `of` some normals."""
+    return option(default=default, choices=CONVENTIONS, help=f"which way the green channel of {of} points")
+
+
 @dataclass(frozen=True)
 class Setting:
     """An option of an operation, with its name and type."""
@@ -198,7 +194,9 @@ def _plain_data(value: Any) -> Any:
     return _facts(value) if dataclasses.is_dataclass(value) else value
 
 
-@dataclass_transform(kw_only_default=True, frozen_default=True, field_specifiers=(option, optional, output_option))
+@dataclass_transform(
+    kw_only_default=True, frozen_default=True, field_specifiers=(option, optional, output_option, convention_option)
+)
 @dataclass(frozen=True)
 class Operation:
     """One task with all its inputs and settings. :meth:`run` carries it out.
@@ -338,7 +336,7 @@ def settings(kind: type[Operation]) -> tuple[Setting, ...]:
 
 
 def _settings(kind: type[Operation]) -> tuple[Setting, ...]:
-    hints = get_type_hints(kind)
+    hints = typing.get_type_hints(kind)
     found = [
         Setting(one.name, *_value_type(hints[one.name]), one.default, one.metadata[_METADATA], _heading(kind, one.name))
         for one in dataclasses.fields(kind)
@@ -354,13 +352,13 @@ def _heading(kind: type[Operation], name: str) -> str:
 
 def _value_type(hint: Any) -> tuple[type, bool]:
     """The type of one value of a field, and whether the field holds several."""
-    if get_origin(hint) in (Union, UnionType):
-        kinds = [one for one in get_args(hint) if one is not type(None) and one is not os.PathLike[str]]
+    if typing.get_origin(hint) in (Union, UnionType):
+        kinds = [one for one in typing.get_args(hint) if one is not type(None) and one is not os.PathLike[str]]
         return _value_type(kinds[0])
-    if get_origin(hint) is tuple:
-        return _value_type(get_args(hint)[0])[0], True
-    if get_origin(hint) is Literal:
-        return type(get_args(hint)[0]), False
+    if typing.get_origin(hint) is tuple:
+        return _value_type(typing.get_args(hint)[0])[0], True
+    if typing.get_origin(hint) is Literal:
+        return type(typing.get_args(hint)[0]), False
     return hint, False
 
 

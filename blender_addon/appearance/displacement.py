@@ -10,9 +10,9 @@ from .nodes import (
     NORMAL_NODE,
     OBJECT_NORMAL_NODE,
     OBJECT_TEXTURE_NODE,
-    UV_NODE,
     ensure_node,
     find_node,
+    texture_on_uvs,
 )
 from .shader_graph import normal_inputs, output_of
 
@@ -30,22 +30,16 @@ def assign_displacement(material: Any, image: Any, uv_map: str, strength: float,
     """
     tree, output = material.node_tree, output_of(material)
     left, top = output.location.x, output.location.y - 700
-
-    def node(name: str, kind: str, steps: int) -> Any:
-        return ensure_node(tree, name, kind, left - 300 * steps, top)
-
-    uv, heights = node(UV_NODE, "ShaderNodeUVMap", 3), node(HEIGHT_NODE, "ShaderNodeTexImage", 2)
-    displacement = node(DISPLACEMENT_NODE, "ShaderNodeDisplacement", 1)
-    uv.uv_map, heights.image = uv_map, image
+    heights = texture_on_uvs(tree, HEIGHT_NODE, image, uv_map, left - 600, top)
+    displacement = ensure_node(tree, DISPLACEMENT_NODE, left - 300, top)
     # Like a modifier: along the object's own normals, rotated and scaled with it.
     displacement.space = "OBJECT"
     displacement.inputs["Midlevel"].default_value = midlevel
     displacement.inputs["Scale"].default_value = strength
-    tree.links.new(uv.outputs["UV"], heights.inputs["Vector"])
     tree.links.new(heights.outputs["Color"], displacement.inputs["Height"])
     before = [link.from_socket for link in output.inputs["Displacement"].links if link.from_node != displacement]
     for socket in before:  # a node keeps the link, which survives renaming
-        tree.links.new(socket, ensure_node(tree, BEFORE_NODE, "NodeReroute", left, top).inputs[0])
+        tree.links.new(socket, ensure_node(tree, BEFORE_NODE, left, top).inputs[0])
     if before or _METHOD_BEFORE not in material:
         material[_METHOD_BEFORE] = material.displacement_method
     tree.links.new(displacement.outputs["Displacement"], output.inputs["Displacement"])
@@ -100,11 +94,9 @@ def show_object_normals(material: Any, image: Any, uv_map: str) -> None:
     tree = material.node_tree
     baked = find_node(tree, NORMAL_NODE)
     left, top = (baked.location.x, baked.location.y - 250) if baked is not None else (-600, -600)
-    uv = ensure_node(tree, UV_NODE, "ShaderNodeUVMap", left - 800, top)
-    texture = ensure_node(tree, OBJECT_TEXTURE_NODE, "ShaderNodeTexImage", left - 600, top)
-    normal = ensure_node(tree, OBJECT_NORMAL_NODE, "ShaderNodeNormalMap", left, top)
-    uv.uv_map, texture.image, normal.space = uv_map, image, "OBJECT"
-    tree.links.new(uv.outputs["UV"], texture.inputs["Vector"])
+    texture = texture_on_uvs(tree, OBJECT_TEXTURE_NODE, image, uv_map, left - 600, top)
+    normal = ensure_node(tree, OBJECT_NORMAL_NODE, left, top)
+    normal.space = "OBJECT"
     tree.links.new(texture.outputs["Color"], normal.inputs["Color"])
     _link_normal(material, normal, True)
     disable_bump_correction(material)

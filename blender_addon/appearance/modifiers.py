@@ -1,7 +1,5 @@
 """Modifiers that the add-on adds to objects. They are found again by name, so a step can be run any number of times."""
 
-from collections.abc import Iterator
-from contextlib import contextmanager
 from typing import Any
 
 import bpy
@@ -55,16 +53,6 @@ def keep_smoothness(target: Any, kept: bool) -> None:
     modifier.mode, modifier.weight, modifier.keep_sharp = "CORNER_ANGLE", 50, True
     own, after = target.modifiers.find(SMOOTHNESS), target.modifiers.find(SUBDIVISION)
     target.modifiers.move(own, after - (own < after))
-
-
-@contextmanager
-def subdivided(target: Any, kind: str, levels: int) -> Iterator[None]:
-    """Within the with block, one more modifier subdivides the object."""
-    subdivide(target, kind, levels, levels, TRIAL)
-    try:
-        yield
-    finally:
-        remove_modifier(target, TRIAL)
 
 
 def move_by_modifier(target: Any, image: Any, uv_map: str, strength: float, midlevel: float) -> None:

@@ -14,15 +14,11 @@ UV_NODE = "MPS UV"
 
 
 _KINDS = {
-    TEXTURE_NODE: "ShaderNodeTexImage",
+    **dict.fromkeys((TEXTURE_NODE, ALBEDO_NODE, HEIGHT_NODE, OBJECT_TEXTURE_NODE), "ShaderNodeTexImage"),
+    **dict.fromkeys((NORMAL_NODE, OBJECT_NORMAL_NODE), "ShaderNodeNormalMap"),
     GREEN_NODE: "ShaderNodeVectorMath",
-    NORMAL_NODE: "ShaderNodeNormalMap",
-    ALBEDO_NODE: "ShaderNodeTexImage",
     UV_NODE: "ShaderNodeUVMap",
-    HEIGHT_NODE: "ShaderNodeTexImage",
     DISPLACEMENT_NODE: "ShaderNodeDisplacement",
-    OBJECT_TEXTURE_NODE: "ShaderNodeTexImage",
-    OBJECT_NORMAL_NODE: "ShaderNodeNormalMap",
     BEFORE_NODE: "NodeReroute",
 }
 
@@ -60,8 +56,26 @@ def find_node(tree: Any, name: str) -> Any:
     return found if found is not None and found.bl_idname == _KINDS[name] else None
 
 
-def ensure_node(tree: Any, name: str, kind: str, x: float, y: float) -> Any:
-    """The tree's node of that name, created at a position if missing. A node of another type is renamed."""
+def image_in(tree: Any, name: str = TEXTURE_NODE) -> Any:
+    """The image of the tree's node of that name, by default the baked texture; None if there is none."""
+    found = find_node(tree, name)
+    return found.image if found is not None else None
+
+
+def texture_on_uvs(tree: Any, name: str, image: Any, uv_map: str, x: float, y: float) -> Any:
+    """The tree's image texture of that name with an image on a UV map, created at a position if missing."""
+    uv, texture = ensure_node(tree, UV_NODE, x - 200, y), ensure_node(tree, name, x, y)
+    uv.uv_map, texture.image = uv_map, image
+    tree.links.new(uv.outputs["UV"], texture.inputs["Vector"])
+    return texture
+
+
+def ensure_node(tree: Any, name: str, x: float, y: float, kind: str = "") -> Any:
+    """The tree's node of that name, created at a position if missing. A node of another type is renamed.
+
+    kind: its type, if it is none of the nodes above.
+    """
+    kind = kind or _KINDS[name]
     found = tree.nodes.get(name)
     if found is not None and found.bl_idname != kind:
         found.name, found = found.bl_label, None

@@ -6,11 +6,18 @@ from typing import Any
 import bpy
 
 from ..appearance.displacement import remove_displacement, remove_object_normals
-from ..appearance.nodes import ALBEDO_NODE, GREEN_NODE, NORMAL_NODE, TEXTURE_NODE, UV_NODE, ensure_node, find_node
+from ..appearance.nodes import (
+    ALBEDO_NODE,
+    GREEN_NODE,
+    NORMAL_NODE,
+    TEXTURE_NODE,
+    ensure_node,
+    find_node,
+    texture_on_uvs,
+)
 from ..appearance.shader_graph import normal_inputs, shaders_of, way_in
 from ..image_records import remember
-from .texture_owners import store_owners
-from .texture_sets import AssignedTexture, ensure_own_materials
+from .texture_sets import AssignedTexture, ensure_own_materials, store_owners
 
 
 def assign_textures(
@@ -63,10 +70,7 @@ def assign_albedo(assigned: Sequence[AssignedTexture]) -> list[str]:
             continue
         shader = colours[0].node
         x, y = shader.location.x, shader.location.y
-        uv = ensure_node(material.node_tree, UV_NODE, "ShaderNodeUVMap", x - 1000, y - 300)
-        texture = ensure_node(material.node_tree, ALBEDO_NODE, "ShaderNodeTexImage", x - 400, y)
-        uv.uv_map, texture.image = uv_map, image
-        links.new(uv.outputs["UV"], texture.inputs["Vector"])
+        texture = texture_on_uvs(material.node_tree, ALBEDO_NODE, image, uv_map, x - 400, y)
         before = {link.from_node.name for socket in colours for link in socket.links} - {texture.name}
         sentences += [f'The albedo took the place of "{name}" in material "{material.name}"' for name in sorted(before)]
         for socket in colours:
@@ -111,19 +115,13 @@ def assign_normal_map(material: Any, image: Any, uv_map: str, space: str, conven
 def ensure_normal_map(tree: Any, image: Any, uv_map: str, space: str, convention: str, left: float, top: float) -> Any:
     """The tree's Normal Map node for the texture, created with its input nodes if needed. left: its x position."""
     links = tree.links
-
-    def node(name: str, kind: str, steps: int) -> Any:
-        return ensure_node(tree, name, kind, left - 200 * steps, top)
-
-    uv, texture = node(UV_NODE, "ShaderNodeUVMap", 5), node(TEXTURE_NODE, "ShaderNodeTexImage", 4)
-    normal = node(NORMAL_NODE, "ShaderNodeNormalMap", 1)
-    uv.uv_map = normal.uv_map = uv_map
-    texture.image, normal.space = image, space
-    links.new(uv.outputs["UV"], texture.inputs["Vector"])
+    texture = texture_on_uvs(tree, TEXTURE_NODE, image, uv_map, left - 800, top)
+    normal = ensure_node(tree, NORMAL_NODE, left - 200, top)
+    normal.uv_map, normal.space = uv_map, space
     colour = texture.outputs["Color"]
     if convention == "DIRECTX":
         # Blender 4.5's Normal Map node only supports OpenGL; a node that inverts green works in every version.
-        turn = node(GREEN_NODE, "ShaderNodeVectorMath", 2)
+        turn = ensure_node(tree, GREEN_NODE, left - 400, top)
         turn.operation = "MULTIPLY_ADD"
         turn.inputs[1].default_value, turn.inputs[2].default_value = (1, -1, 1), (0, 1, 0)
         links.new(colour, turn.inputs[0])

@@ -10,36 +10,30 @@ import bpy
 
 from mpsnet_core.bake.operations import Bake
 from mpsnet_core.errors import GeometryError, InputError, Note, SettingsError
+from mpsnet_core.scene.camera import write_camera
 
-from ..image_records import remembered
-from ..images import frame_pattern, image_file, load_frames, picture_size
+from ..image_records import Provenance, chosen, remembered, stamp
+from ..images import frame_pattern, image_file, picture_size
 from ..outputs import FORMATS, output_frames
 from ..photo.camera import back_to_photo, camera_provenance, chosen_camera, lacks_camera, write_photo_camera
-from ..provenance import Provenance, chosen, stamp
-from ..rig.light_rig import rig_camera
-from ..rig.several_rigs import all_rigs
-from ..scene.mesh_file import begin_mesh
-from ..scene.objects import by_session_uid
+from ..rig.rig import rig_camera
+from ..scene.camera import scene_camera
+from ..scene.mesh_file import BegunMesh, Slices, begin_mesh
+from ..scene.objects import by_session_uid, view_layer
 from ..settings.bake import BakeSettings
-from ..settings.declared import apply_given_settings
-from .animated_mesh import CAMERAS, MESHES, AnimatedMesh
-from .assign_textures import assign_textures, mark_assets
-from .bake_operator import BakeOperator, bake_target, known_target, low_frequencies, target_provenance, texture_name
-from .base_maps import store_base_map
-from .coverage import coverage_folder
-from .gltf_export import export_notes
-from .texture_owners import FRAME
-from .texture_sets import AssignedTexture
+from .bake_operator import BakeOperator, bake_target, known_target, target_provenance, texture_name
+from .texture_sets import FRAME
 
 POOR_FIT = Note("the mesh fits the photo poorly; look at Align Photo, in Camera", level="stop")
 NO_CAMERA = "Where was the photo taken from? Press Align Photo in the step Photo, or choose the camera there"
+MESHES, CAMERAS = "mesh_######.npz", "camera_######.json"
 
 
 class MPS_OT_bake(BakeOperator, BakeSettings, bpy.types.Operator):
     """Bake the estimated normals into a texture on the target's UV map and give its material a Normal Map node"""
 
-    bl_idname = "mps.bake"
     bl_label = "Bake Texture"
+    step = "bake"
 
     @classmethod
     def lacks(cls, context: Any) -> str:
@@ -52,7 +46,7 @@ class MPS_OT_bake(BakeOperator, BakeSettings, bpy.types.Operator):
     def provenance(cls, context: Any) -> Provenance:
         settings, image = context.scene.mps.bake, context.scene.mps.estimate.image
         target = None if image is not None and image.source == "SEQUENCE" else known_target(settings)
-        every = all_rigs(context.scene) if settings.all_rigs else [context.scene.mps]
+        every = context.scene.mps.every_rig if settings.all_rigs else [context.scene.mps]
         stamps = ", ".join(stamp(one.estimate.image) for one in every)
         return {
             "Normals": stamps,
@@ -63,7 +57,6 @@ class MPS_OT_bake(BakeOperator, BakeSettings, bpy.types.Operator):
 
     def prepare(self, context: Any, folder: Path) -> tuple[Bake, Sequence[Path]]:
         scene = context.scene
-        apply_given_settings(self, scene.mps.bake)
         normals_image = scene.mps.estimate.image
         normals = image_file(normals_image, "normal map", "estimate the normals first")
         self._frames = range(0)
@@ -95,10 +88,7 @@ class MPS_OT_bake(BakeOperator, BakeSettings, bpy.types.Operator):
             view=(f"{camera}={normals}", *self._other_views(scene, others, folder)),
             albedo=albedos,
             **self.texture_options(Bake, self, targets, folder),
-            level=low_frequencies(self),
-            coverage=None if self._frames else coverage_folder(),
             format=suffix[1:] if self._frames else None,
-            output=str(self._output),
         )
         return operation, [self._output / "frames" if self._frames else self._output]
 
@@ -125,18 +115,16 @@ class MPS_OT_bake(BakeOperator, BakeSettings, bpy.types.Operator):
         """Write mesh and camera for a sequence: once, or for each frame if they are animated."""
         scene, camera = context.scene, "camera.json"
         if not self.animated:
-            context.view_layer.update()
-            begun = begin_mesh(folder / "mesh.npz", target, context.evaluated_depsgraph_get(), self.uv_map)
+            begun = self.write_mesh(context, folder / "mesh.npz", target, self.uv_map)
         else:
-            place = AnimatedMesh(folder, scene.session_uid, target.session_uid, self.uv_map)
             seen_by = chosen_camera(scene, normals_image)
             if seen_by is None and remembered(normals_image, "camera") is None:
                 seen_by = rig_camera(scene)
             if seen_by is not None:
                 camera = CAMERAS
-                place = replace(place, camera=seen_by.session_uid, size=picture_size(normals_image))
-            begun = place.begin(self._frames)
-        self.schedule(begun.slices)
+            size = picture_size(normals_image)
+            begun = begin_frames(folder, self._frames, self.uv_map, scene, target, seen_by, size)
+            self.schedule(begun.slices)
         self._bake_targets = [bake_target(target, begun)]
         if camera != CAMERAS:
             self._write_camera(scene, folder / camera, normals_image)
@@ -146,7 +134,7 @@ class MPS_OT_bake(BakeOperator, BakeSettings, bpy.types.Operator):
         """The scene's other rigs that have normals. A note names those without."""
         if self._frames:
             raise SettingsError("sequences are baked for one rig at a time; switch All Rigs off")
-        others = [one for one in all_rigs(scene) if one != scene.mps.chosen]
+        others = [one for one in scene.mps.every_rig if one != scene.mps.chosen]
         without = ", ".join(f'"{one.name}"' for one in others if one.estimate.image is None)
         if without:
             self._notes = [*self._notes, Note("Rigs without normals are left out: %s", without, level="look")]
@@ -179,30 +167,50 @@ class MPS_OT_bake(BakeOperator, BakeSettings, bpy.types.Operator):
 
     def finish(self, context: Any, result: dict[str, Any]) -> None:
         scene = self.scene(f"its texture is in {self._output}")
-        if self._frames:
-            self._assign_frames(scene, Path(result["first_output"]))
-            counts = f"{result['count']} textures are in {self._output}, {result['made']} made now"
-            self.tell(counts)
-            return
         self.assign_result(scene, result)
         self.tell(self.written(result))
 
-    def _assign_frames(self, scene: Any, first: Path) -> None:
-        """Load a sequence of textures and assign it to the target, unless the files alone are wanted."""
-        if not self.assign:
-            return
-        (onto,) = self._bake_targets
-        target = by_session_uid(bpy.data.objects, onto.uid)
-        if target is None:
-            raise InputError(f"the target is gone; its textures are in {self._output}")
-        image = load_frames(first, f"MPS {target.name} Frames")
-        self.made(image)
-        scene.mps.bake.image = image
-        if (None, None) in self._bases:
-            store_base_map(image, self._bases[None, None])
-        assigned = [AssignedTexture(target, (image,), onto.uv_map)]
-        for note in export_notes(self.space, self.convention):
-            self.note(note)
-        for sentence in assign_textures(assigned, self.space, self.convention, self._frames):
-            self.tell(sentence)
-        mark_assets(assigned, self.mark_asset)
+
+def begin_frames(
+    folder: Path,
+    frames: range,
+    uv_map: str,
+    scene: Any,
+    target: Any,
+    camera: Any = None,
+    size: tuple[int, int] = (0, 0),
+) -> BegunMesh:
+    """Read the mesh of the first frame, and the camera if there is one; the slices read the other frames.
+
+    Between two slices, the window shows its own frame again, and users may change anything in the file. uv_map: as for
+    :func:`.begin_mesh`, which raises likewise. size: width and height of the camera's image in pixels.
+    """
+    every = {"scene": ("scenes", scene), "target": ("objects", target), "camera": ("objects", camera)}
+    uids = {what: (kind, one.session_uid) for what, (kind, one) in every.items() if one is not None}
+
+    def begin(number: int) -> BegunMesh:
+        found = {what: by_session_uid(getattr(bpy.data, kind), uid) for what, (kind, uid) in uids.items()}
+        for gone in (what for what, one in found.items() if one is None):
+            raise InputError(f"the {gone} was deleted before all frames were read; undo that, and bake again")
+        scene = found["scene"]
+        before = scene.frame_current, scene.frame_subframe
+        with bpy.context.temp_override(scene=scene, view_layer=view_layer(scene)):
+            scene.frame_set(number)
+            try:
+                mesh = folder / MESHES.replace("######", f"{number:06d}")
+                begun = begin_mesh(mesh, found["target"], bpy.context.evaluated_depsgraph_get(), uv_map)
+                if "camera" in found:
+                    file = folder / CAMERAS.replace("######", f"{number:06d}")
+                    write_camera(file, scene_camera(found["camera"], scene, size))
+            finally:
+                scene.frame_set(before[0], subframe=before[1])
+        return begun
+
+    def slices() -> Slices:
+        yield from first.slices
+        for number in frames[1:]:
+            yield True  # Blender evaluates the scene without interruption
+            yield from begin(number).slices
+
+    first = begin(frames[0])
+    return replace(first, slices=slices())

@@ -16,26 +16,28 @@ from mpsnet_core.scene.texture_names import albedo_file
 
 from ..appearance.shader_graph import normal_inputs, uses_nodes
 from ..child_process.core_process import Work
-from ..image_records import images_of, remember, remembered
+from ..image_records import Provenance, images_of, remember, remembered
+from ..images import load_frames
 from ..operators.core_run import RunsCore
 from ..outputs import output_path, overruled_format, requested_folder
-from ..provenance import Provenance
-from ..scene.mesh_file import BegunMesh, begin_mesh, slot_labels
+from ..scene.mesh_file import BegunMesh, slot_labels
 from ..scene.objects import by_session_uid, check_in_scene, find_object, target_of
 from ..scene.surfaces import mesh_stamp
 from ..settings.declared import BoolSetting, StringSetting, options_of
 from .assign_textures import assign_albedo, assign_textures, mark_assets
 from .base_maps import base_map_files, maps_before_bake, store_base_map
-from .coverage import store_coverage
+from .coverage import coverage_folder, store_coverage
 from .gltf_export import export_notes
-from .texture_owners import files_for, refuse_other_projects, refuse_to_overwrite_other_objects
 from .texture_sets import (
     SPLITS,
     AssignedTexture,
     BakeTarget,
     Part,
+    files_for,
     load_textures,
+    refuse_other_projects,
     refuse_shared,
+    refuse_to_overwrite_other_objects,
     texture_of,
     with_tokens,
 )
@@ -61,6 +63,7 @@ class BakeOperator(RunsCore):
     )
 
     _coloured = False  # whether the albedo is baked as well
+    _frames = range(0)  # of the timeline, if a sequence is baked
 
     def _prepared(self, context: Any, folder: Path) -> tuple[Work, Sequence[Path]]:
         settings = context.scene.mps.bake
@@ -77,7 +80,7 @@ class BakeOperator(RunsCore):
             raise
 
     def result_owners(self) -> dict[Path, list[Any]]:
-        """The files to write with their objects, for :func:`.texture_owners.refuse_to_overwrite_other_objects`."""
+        """The files to write with their objects, for :func:`.texture_sets.refuse_to_overwrite_other_objects`."""
         textures = files_for(self._bake_targets, self._output)
         return {**textures, **{albedo_file(file): owners for file, owners in textures.items() if self._coloured}}
 
@@ -113,11 +116,12 @@ class BakeOperator(RunsCore):
     def texture_options(
         self, operation: type[Operation], settings: Any, targets: Sequence[Any], folder: Path
     ) -> dict[str, Any]:
-        """The core's options for the texture and the base maps that it goes on top of."""
+        """The core's options for the texture, its coverage and the base maps that it goes on top of."""
         if settings.preset != "CUSTOM":
             check_preset(settings.preset.lower(), settings.space.lower(), settings.convention.lower())
         options = options_of(operation, settings, without=("preset",))
-        options["size"] = str(settings.size)
+        options |= {"size": str(settings.size), "level": low_frequencies(self), "output": str(self._output)}
+        options["coverage"] = None if self._frames else coverage_folder()
         there = images_of(files_for(self._bake_targets, self._output))
         if not self.anyway and (before := max((float(remembered(one, SEEN) or 0) for one in there), default=0)):
             options["least_seen"] = round(_KEPT * before, 3)
@@ -129,10 +133,9 @@ class BakeOperator(RunsCore):
         if settings.onto_file:
             return options
         maps = base_map_files(targets, self._bake_targets, self._output)
-        if list(maps) == [(None, None)]:
-            one: Any = maps[None, None]
-            return {**options, "onto": str(one.file), "onto_convention": one.convention.lower()}
-        write_map_list(folder / "maps.json", [one.listed(part) for part, one in maps.items()])
+        if not (maps[0].object or maps[0].material):  # the one of all
+            return {**options, "onto": str(maps[0].file), "onto_convention": maps[0].convention}
+        write_map_list(folder / "maps.json", maps)
         return {**options, "onto": str(folder / "maps.json")}
 
     def write_meshes(
@@ -142,12 +145,10 @@ class BakeOperator(RunsCore):
 
         motion: for an object, the motion from Blender's world to where the cameras saw it; None if there is none.
         """
-        context.view_layer.update()
         uv_map, paths, self._bake_targets = context.scene.mps.bake.uv_map, [], []
         for number, target in enumerate(targets):
             path = folder / f"mesh_{number}.npz"
-            begun = begin_mesh(path, target, context.evaluated_depsgraph_get(), uv_map, motion(target))
-            self.schedule(begun.slices)
+            begun = self.write_mesh(context, path, target, uv_map, motion(target))
             self._bake_targets.append(bake_target(target, begun))
             paths.append(str(path))
         return tuple(paths)
@@ -173,20 +174,24 @@ class BakeOperator(RunsCore):
         existing = [(one, by_session_uid(bpy.data.objects, one.uid)) for one in self._bake_targets]
         if not any(target for _, target in existing):
             raise InputError(f"the target is gone; its texture is in {self._output}")
-        written = [from_facts(WrittenTexture, facts) for facts in result["outputs"]]
-        images = load_textures(written, self._bake_targets[0].name)
-        coverage = load_textures(written, self._bake_targets[0].name, "coverage")
-        for part, image in images.items():
+        bake, name = scene.mps.bake, self._bake_targets[0].name
+        written = [from_facts(WrittenTexture, facts) for facts in result.get("outputs", ())]
+        images, coverage, albedos = (load_textures(written, name, what) for what in ("", "coverage", "albedo"))
+        if self._frames:
+            images = {(None, None): load_frames(Path(result["first_output"]), f"MPS {name} Frames")}
+        for image in (*images.values(), *albedos.values()):
             self.made(image)
-            store_coverage(image, coverage[part])
-            remember(image, SEEN, str(result["seen"]))
+        for part, image in images.items():
+            if part in coverage:
+                store_coverage(image, coverage[part])
+                remember(image, SEEN, str(result["seen"]))
             if part in self._bases:
                 store_base_map(image, self._bases[part])
-        scene.mps.bake.image = next(iter(images.values()))
-        bake = scene.mps.bake
+        bake.image = next(iter(images.values()))
         assigned = _assigned(existing, images)
-        sentences = assign_textures(assigned, bake.space, bake.convention)
-        for sentence in [*sentences, *self._assign_albedo(existing, written)]:
+        sentences = assign_textures(assigned, bake.space, bake.convention, self._frames)
+        sentences += [f'The albedo is baked too: image "{image.name}"' for image in albedos.values()]
+        for sentence in [*sentences, *assign_albedo(_assigned(existing, albedos))]:
             self.tell(sentence)
         unshown = [*_without_normal(assigned), *_of_modifiers(self._bake_targets)]
         mixed = bake.tiles and any(len({*one.target.material_slots.keys()}) > 1 for one in assigned)
@@ -194,18 +199,10 @@ class BakeOperator(RunsCore):
             self.note(note)
         mark_assets(assigned, bake.mark_asset)
 
-    def _assign_albedo(
-        self, existing: Sequence[tuple[BakeTarget, Any]], written: Sequence[WrittenTexture]
-    ) -> list[str]:
-        """Load the albedos and assign them to their objects. Returns notes."""
-        images = load_textures(written, self._bake_targets[0].name, "albedo")
-        for image in images.values():
-            self.made(image)
-        names = [f'The albedo is baked too: image "{image.name}"' for image in images.values()]
-        return [*names, *assign_albedo(_assigned(existing, images))]
-
     def written(self, result: dict[str, Any]) -> str:
         """A sentence on the files that were written."""
+        if self._frames:
+            return f"{result['count']} textures are in {self._output}, {result['made']} made now"
         count = len(result["outputs"])
         one = f"Texture written to {result['outputs'][0]['output']}"
         return one if count == 1 else f"{count} textures written to {self._output}"
@@ -285,9 +282,13 @@ def _of_modifiers(onto: Sequence[BakeTarget]) -> list[Note]:
 def check_shows_normals(target: Any) -> None:
     """Raise InputError, before the work, if an object is linked or none of its materials can take a normal map.
 
-    Missing materials are created later.
+    Missing materials are created later, and linked ones are copied.
     """
-    _refuse_linked(target)
+    for datablock, what in ((target, "object"), (target.data, "mesh")):
+        if datablock is not None and datablock.library is not None:
+            raise InputError(
+                f'the {what} "{datablock.name}" is linked from {datablock.library.filepath}; make it local first'
+            )
     materials = [slot.material for slot in target.material_slots]
     if not materials or not all(material and uses_nodes(material) for material in materials):
         return
@@ -297,12 +298,3 @@ def check_shows_normals(target: Any) -> None:
         raise InputError(
             closed[0] if closed else f'no material of "{target.name}" can show a normal map: {_NO_SHADER}; link one'
         )
-
-
-def _refuse_linked(target: Any) -> None:
-    """Raise InputError for a linked object or mesh, whose materials cannot change. A linked material is copied."""
-    for datablock, what in ((target, "object"), (target.data, "mesh")):
-        if datablock is not None and datablock.library is not None:
-            raise InputError(
-                f'the {what} "{datablock.name}" is linked from {datablock.library.filepath}; make it local first'
-            )

@@ -1,10 +1,10 @@
 """Base maps: the normal maps that objects have already, which detail is added to. Repeated bakes use the same ones."""
 
-from collections.abc import Iterator, Sequence, Sized
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
 import bpy
 
@@ -16,8 +16,6 @@ from ..appearance.shader_graph import End, Shader, before, node_before, shaders_
 from ..images import image_file, refuse_unsaved, tile_files
 from ..scene.objects import by_session_uid
 from .texture_sets import TILE, BakeTarget, Part, parts_of
-
-Maps = TypeVar("Maps", bound=Sized)
 
 # Stored with a baked image: the object's previous normal map, and the convention of its green channel.
 _BASE, _BASE_CONVENTION = "mpsnet_base", "mpsnet_base_convention"
@@ -34,35 +32,6 @@ class AssignedMap:
     """OPENGL or DIRECTX."""
 
 
-@dataclass(frozen=True)
-class BaseMapFile(AssignedMap):
-    """A base map with its file."""
-
-    file: Path
-    """That of UDIM tiles has <UDIM> in its name."""
-
-    def listed(self, part: "Part") -> ListedMap:
-        """The entry in the core's list of maps, for a part."""
-        return ListedMap(self.file, *part, "directx" if self.convention == "DIRECTX" else "opengl")
-
-
-def base_map_file(
-    targets: Sequence[Any], onto: Sequence[BakeTarget], part: Part, *, tiles: bool = False
-) -> BaseMapFile | None:
-    """The normal map of a part of some objects; if it was baked here, the one that it replaced. None if there is none.
-
-    onto: the same objects, with the UV maps that are baked onto. tiles: whether it may be one of UDIM tiles.
-
-    Raises InputError if the part has several, or one that detail cannot be added to.
-    """
-    found = _usable_map(targets, onto, part, tiles)
-    if found is None:
-        return None
-    image, convention = found
-    read = tile_files if image.source == "TILED" else image_file
-    return BaseMapFile(image.session_uid, convention, read(image, "normal map", _BY_FILE))
-
-
 def store_base_map(image: Any, base: AssignedMap | None) -> None:
     """Store the object's previous normal map with a baked image; None for none."""
     if base is None:
@@ -75,8 +44,10 @@ def store_base_map(image: Any, base: AssignedMap | None) -> None:
 
 
 def maps_before_bake(targets: Sequence[Any], onto: Sequence[BakeTarget], file: Path) -> dict[Part, AssignedMap | None]:
-    """Each part's map, as :func:`base_map_file` finds it, None for those without one. Parts with a map that detail
-    cannot be added to are left out."""
+    """Each part's map; if it was baked here, the one that it replaced. None for those without one.
+
+    Parts with a map that detail cannot be added to are left out.
+    """
     bases: dict[Part, AssignedMap | None] = {}
     for part in parts_of(onto, file):
         with suppress(InputError):
@@ -85,13 +56,17 @@ def maps_before_bake(targets: Sequence[Any], onto: Sequence[BakeTarget], file: P
     return bases
 
 
-def base_map_files(targets: Sequence[Any], onto: Sequence[BakeTarget], file: Path) -> dict[Part, BaseMapFile]:
-    """The base map of each part's texture. The core reports the parts without one.
+def base_map_files(targets: Sequence[Any], onto: Sequence[BakeTarget], file: Path) -> list[ListedMap]:
+    """The base map of each part's texture, with its file. The core reports the parts without one.
 
-    Raises InputError if no part has one, or as :func:`base_map_file` does.
+    Raises InputError if no part has one, or a part has several, or one that detail cannot be added to.
     """
-    found = {part: base_map_file(targets, onto, part, tiles=TILE in file.name) for part in parts_of(onto, file)}
-    return _require_any(targets, {part: one for part, one in found.items() if one is not None})
+    listed = []
+    for part, image, convention in _usable_maps(targets, onto, file):
+        read = tile_files if image.source == "TILED" else image_file
+        green: Any = convention.lower()
+        listed.append(ListedMap(read(image, "normal map", _BY_FILE), *part, green))
+    return listed
 
 
 def usable_maps(targets: Sequence[Any], onto: Sequence[BakeTarget], file: Path) -> list[Any]:
@@ -99,28 +74,31 @@ def usable_maps(targets: Sequence[Any], onto: Sequence[BakeTarget], file: Path) 
 
     Raises InputError as that function does, except for missing files.
     """
-    found = [_usable_map(targets, onto, part, TILE in file.name) for part in parts_of(onto, file)]
-    return [image for image, _ in _require_any(targets, [one for one in found if one is not None])]
+    return [image for _, image, _ in _usable_maps(targets, onto, file)]
 
 
-def _require_any(targets: Sequence[Any], assigned: Maps) -> Maps:
-    if not assigned:
+def _usable_maps(targets: Sequence[Any], onto: Sequence[BakeTarget], file: Path) -> list[tuple[Part, Any, str]]:
+    found = []
+    for part in parts_of(onto, file):
+        assigned = _assigned_map(targets, onto, part)
+        if assigned is None:
+            continue
+        image, convention = assigned
+        refuse_unsaved(image, "normal map")
+        if image.source == "TILED" and TILE not in file.name:
+            raise InputError(f'the existing normal map "{image.name}" has UDIM tiles; switch UDIM Tiles on')
+        found.append((part, image, convention))
+    if not found:
         whose = f'"{targets[0].name}"' if len(targets) == 1 else "the selected objects"
         raise InputError(f"no material of {whose} has a Normal Map node with a texture; {_BY_FILE}")
-    return assigned
-
-
-def _usable_map(targets: Sequence[Any], onto: Sequence[BakeTarget], part: Part, tiles: bool) -> tuple[Any, str] | None:
-    found = _assigned_map(targets, onto, part)
-    if found is not None:
-        refuse_unsaved(found[0], "normal map")
-    if found is not None and found[0].source == "TILED" and not tiles:
-        raise InputError(f'the existing normal map "{found[0].name}" has UDIM tiles; switch UDIM Tiles on')
     return found
 
 
 def _assigned_map(targets: Sequence[Any], onto: Sequence[BakeTarget], part: Part) -> tuple[Any, str] | None:
-    """The image of :func:`base_map_file` and its convention, whether or not it has a file."""
+    """The normal map of a part of some objects, an image, and its convention; None if there is none.
+
+    If it was baked here, it is the one that it replaced. onto: the same objects, with the UV maps that are baked onto.
+    """
     found: dict[tuple[Any, str], str] = {}
     for target, one in zip(targets, onto, strict=True):
         layers = target.data.uv_layers

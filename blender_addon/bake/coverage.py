@@ -1,7 +1,8 @@
-"""Coverage: the texels that the views of the last bake saw, displayed on the objects."""
+"""Coverage: the texels that the views of the last bake saw, shown by copies that stand over the objects."""
 
 import json
 import tempfile
+from collections.abc import Sequence
 from contextlib import suppress
 from typing import Any
 
@@ -9,15 +10,17 @@ import bpy
 
 from mpsnet_core.errors import InputError
 
-from ..appearance.nodes import new_material
+from ..appearance.nodes import NORMAL_NODE, find_node, image_in, new_material
 from ..image_records import from_json
 from ..operators.reporting import ReportingOperator
 from ..scene.objects import refuse_linked_scene
-from .overlays import add_overlay, baked_texture, remove_overlays
+from ..scene.surfaces import bounding_sphere
 
 NAME = "MPS Coverage"
 # Lowest coverage value and colour of unseen, filled and seen texels.
 _COLOURS = ((0.0, (0.35, 0.03, 0.02, 1)), (0.1, (0.8, 0.35, 0.03, 1)), (0.9, (0.07, 0.4, 0.1, 1)))
+# Offset of the copy from the object's surface, to make it visible, as a fraction of the object's radius.
+_OUT = 2e-3
 
 
 class MPS_OT_show_coverage(ReportingOperator, bpy.types.Operator):
@@ -26,9 +29,7 @@ class MPS_OT_show_coverage(ReportingOperator, bpy.types.Operator):
     The objects and their materials stay as they are: copies that no render shows stand over them. Press again to end
     it"""
 
-    bl_idname = "mps.show_coverage"
     bl_label = "Show Coverage"
-    bl_options = {"UNDO"}
 
     @classmethod
     def lacks(cls, context: Any) -> str:
@@ -111,3 +112,43 @@ def _material(coverage: Any, uv_map: str) -> Any:
     links.new(texture.outputs["Color"], colours.inputs["Fac"])
     links.new(colours.outputs["Color"], shader.inputs["Base Color"])
     return material
+
+
+def baked_texture(material: Any) -> tuple[Any, str] | None:
+    """The baked texture in a material, with its UV map; None if there is none."""
+    tree = material.node_tree if material else None
+    if not tree or (image := image_in(tree)) is None:
+        return None
+    normal = find_node(tree, NORMAL_NODE)
+    return image, normal.uv_map if normal is not None else ""
+
+
+def add_overlay(context: Any, obj: Any, name: str, materials: Sequence[Any], overlays: Any) -> None:
+    """Let a copy stand over an object that no render shows. materials: of its slots.
+
+    overlays: the collection that remembers it, for :func:`remove_overlays`.
+    """
+    _, radius = bounding_sphere(context.evaluated_depsgraph_get(), [obj])
+    overlay = obj.copy()
+    overlay.name = name
+    overlay.hide_render = overlay.hide_select = True
+    overlays.add().object = overlay
+    context.scene.collection.objects.link(overlay)
+    for slot, material in zip(overlay.material_slots, materials, strict=True):
+        slot.link = "OBJECT"
+        slot.material = material
+    out = overlay.modifiers.new(name, "DISPLACE")
+    out.strength, out.mid_level = _OUT * radius / max(max(map(abs, obj.matrix_world.to_scale())), 1e-9), 0
+
+
+def remove_overlays(overlays: Any) -> None:
+    """Remove the copies, and their materials unless something else uses them."""
+    for overlay in [one.object for one in overlays]:
+        if overlay is None:
+            continue
+        materials = [slot.material for slot in overlay.material_slots if slot.link == "OBJECT"]
+        bpy.data.objects.remove(overlay)
+        for material in dict.fromkeys(materials):
+            if material is not None and not material.users:
+                bpy.data.materials.remove(material)
+    overlays.clear()

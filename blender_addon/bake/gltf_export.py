@@ -29,23 +29,20 @@ def export_notes(space: str, convention: str, *, mixed: bool = False) -> list[No
     mixed: whether it has UDIM tiles on an object of several materials.
     """
     if mixed:
-        return [
-            Note(
-                "UDIM tiles on several materials: Blender's glTF export shows one material's alone; give the object "
-                "one material, or bake without tiles",
-                level="look",
-            )
-        ]
+        words = (
+            "UDIM tiles on several materials: Blender's glTF export shows one material's alone; give the object one "
+            "material, or bake without tiles"
+        )
+        return [Note(words, level="look")]
     if space == "OBJECT":
         words = "Object space: a glTF export leaves it out, and other exporters misread it; bake Tangent for them"
         return [Note(words)]
     if convention == "DIRECTX":
-        return [
-            Note(
-                "DirectX: the material turns its green for Blender, and a glTF export is turned while this add-on is "
-                "enabled; other exporters misread it, bake OpenGL for them"
-            )
-        ]
+        words = (
+            "DirectX: the material turns its green for Blender, and a glTF export is turned while this add-on is "
+            "enabled; other exporters misread it, bake OpenGL for them"
+        )
+        return [Note(words)]
     return []
 
 
@@ -107,12 +104,10 @@ def _changed(data: bytes, kind: str, change: Callable[[NDArray[Any]], NDArray[An
         pixels = given.get_pixels(depth)
         if pixels is None:
             raise FileError(f"the image cannot be turned for glTF: {given.geterror()}")
-        pixels = change(pixels)
-        height, width, channels = pixels.shape
-        target = oiio.ImageOutput.create(str(file))
-        if not (target.open(str(file), oiio.ImageSpec(width, height, channels, depth)) and target.write_image(pixels)):
-            raise FileError(f"the image cannot be turned for glTF: {target.geterror()}")
-        target.close()
+        pixels = np.ascontiguousarray(change(pixels))
+        made = oiio.ImageBuf(pixels)
+        if not made.write(str(file)):
+            raise FileError(f"the image cannot be turned for glTF: {made.geterror()}")
         return file.read_bytes()
 
 

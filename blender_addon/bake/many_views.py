@@ -14,19 +14,17 @@ from mpsnet_core.errors import InputError, SettingsError
 from mpsnet_core.scene.rig import in_world, write_rig, write_world_lights
 from mpsnet_core.scene.view_files import write_views
 
-from ..image_records import origin, remembered
+from ..image_records import Provenance, chosen, file_stamp, origin, remembered, rounded, stamp
 from ..images import image_file
 from ..openimageio import load_openimageio
 from ..outputs import file_name, requested_path, unique_name
 from ..photo.camera import chosen_camera, lens_stamp
 from ..photo.options import network, reading
-from ..provenance import Provenance, chosen, file_stamp, rounded, stamp
-from ..rig.light_rig import light_rig, lights_provenance, rig_camera
+from ..rig.rig import light_rig, lights_provenance, rig_camera
 from ..scene.camera import scene_camera
-from ..settings.declared import apply_given_settings, options_of
-from ..settings.views import ViewsSettings
-from .bake_operator import BakeOperator, known_target, low_frequencies, target_provenance
-from .coverage import coverage_folder
+from ..settings.bake import ViewsSettings
+from ..settings.declared import options_of
+from .bake_operator import BakeOperator, known_target, target_provenance
 from .texture_sets import without_tokens
 
 # The rotation that Blender's OBJ and glTF importers apply to files with y up.
@@ -39,8 +37,8 @@ class MPS_OT_bake_views(BakeOperator, ViewsSettings, bpy.types.Operator):
     Size, space, convention, margin, format, file, strength and what it goes on top of are those of the step Bake, the
     model is that of Estimate"""
 
-    bl_idname = "mps.bake_views"
     bl_label = "Bake Views"
+    step = "views"
 
     @classmethod
     def provenance(cls, context: Any) -> Provenance:
@@ -66,7 +64,6 @@ class MPS_OT_bake_views(BakeOperator, ViewsSettings, bpy.types.Operator):
 
     def prepare(self, context: Any, folder: Path) -> tuple[BakeViews, Sequence[Path]]:
         scene = context.scene
-        apply_given_settings(self, scene.mps.views)
         bake, estimate = scene.mps.bake, scene.mps.estimate
         targets = self.baked_objects(context)
         self._output = output = self.texture_file(context, targets)
@@ -87,11 +84,8 @@ class MPS_OT_bake_views(BakeOperator, ViewsSettings, bpy.types.Operator):
             **reading(estimate, unmasked="mesh"),
             **network(estimate),
             **self.texture_options(BakeViews, bake, targets, folder),
-            level=low_frequencies(self),
-            coverage=coverage_folder(),
             keep=str(requested_path(self.keep)) if self.keep else None,
             report=self._report or None,
-            output=str(output),
         )
         return operation, outputs
 

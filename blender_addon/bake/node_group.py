@@ -12,9 +12,10 @@ from ..appearance.nodes import (
     HEIGHT_NODE,
     NORMAL_NODE,
     TEXTURE_NODE,
-    UV_NODE,
     ensure_node,
     find_node,
+    image_in,
+    texture_on_uvs,
     trees_of,
 )
 from ..operators.reporting import ReportingOperator
@@ -32,16 +33,14 @@ class MPS_OT_make_node_group(ReportingOperator, bpy.types.Operator):
 
     The Asset Browser shows it. Press again after another bake or displacement"""
 
-    bl_idname = "mps.make_node_group"
     bl_label = "Make Node Group"
-    bl_options = {"UNDO"}
     requires = "bake"
 
     def act(self, context: Any) -> None:
         target = target_of(context)
         trees = set(trees_of(target)) if target is not None else set()
         # Materials may share a texture, and so the group.
-        groups = {surface_group(tree) for tree in trees if find_node(tree, NORMAL_NODE) and _shown(tree) is not None}
+        groups = {surface_group(tree) for tree in trees if find_node(tree, NORMAL_NODE) and image_in(tree) is not None}
         if not groups:
             name = f'"{target.name}"' if target is not None else "the active object"
             raise InputError(f"{name} uses no baked texture; choose the object that it was baked onto")
@@ -56,53 +55,42 @@ def surface_group(tree: Any) -> Any:
     An existing group with the same texture is updated. Its outputs are Normal and, if there are heights, Displacement.
     Both show the same relief, scaled by Strength.
     """
-    image = _shown(tree)
+    image = image_in(tree)
     known = (one for one in bpy.data.node_groups if one.get(_SHOWS) == image and not one.library)
     group: Any = next(known, None)
     if group is None:
         group = bpy.data.node_groups.new(f"MPS Surface {image.name.removeprefix('MPS ')}", "ShaderNodeTree")
         group[_SHOWS] = image
-    inputs = ensure_node(group, "Group Input", "NodeGroupInput", -1000, 200)
-    outputs = ensure_node(group, "Group Output", "NodeGroupOutput", 300, 0)
+    inputs = ensure_node(group, "Group Input", -1000, 200, "NodeGroupInput")
+    outputs = ensure_node(group, "Group Output", 300, 0, "NodeGroupOutput")
     before = find_node(tree, NORMAL_NODE)
     convention = "DIRECTX" if find_node(tree, GREEN_NODE) else "OPENGL"
     normal = ensure_normal_map(group, image, before.uv_map, before.space, convention, 200, 0)
-    _copy_frames(tree, group, TEXTURE_NODE)
+    source, copy = (one.nodes[TEXTURE_NODE].image_user for one in (tree, group))
+    for name in _FRAMES:
+        setattr(copy, name, getattr(source, name))
     if not _sockets(group):  # nodes in other materials would keep a default that is set later
         group.interface.new_socket("Strength", in_out="INPUT", socket_type="NodeSocketFloat").default_value = 1.0
     _ensure_output(group, "Normal")
     group.links.new(inputs.outputs["Strength"], normal.inputs["Strength"])
     group.links.new(normal.outputs["Normal"], outputs.inputs["Normal"])
-    heights, displaced = find_node(tree, HEIGHT_NODE), find_node(tree, DISPLACEMENT_NODE)
+    heights, displaced = image_in(tree, HEIGHT_NODE), find_node(tree, DISPLACEMENT_NODE)
     if heights is None or displaced is None:
         _remove_displacement(group)
         return group
-    picture = ensure_node(group, HEIGHT_NODE, "ShaderNodeTexImage", -600, -400)
-    displacement = ensure_node(group, DISPLACEMENT_NODE, "ShaderNodeDisplacement", 0, -400)
-    picture.image, displacement.space = heights.image, displaced.space
+    picture = texture_on_uvs(group, HEIGHT_NODE, heights, before.uv_map, -600, -400)
+    displacement = ensure_node(group, DISPLACEMENT_NODE, 0, -400)
+    displacement.space = displaced.space
     displacement.inputs["Midlevel"].default_value = displaced.inputs["Midlevel"].default_value
     _ensure_output(group, "Displacement")
-    group.links.new(group.nodes[UV_NODE].outputs["UV"], picture.inputs["Vector"])
     group.links.new(picture.outputs["Color"], displacement.inputs["Height"])
-    times = ensure_node(group, _SCALE_NODE, "ShaderNodeMath", -300, -600)
+    times = ensure_node(group, _SCALE_NODE, -300, -600, "ShaderNodeMath")
     times.operation = "MULTIPLY"
     times.inputs[1].default_value = displaced.inputs["Scale"].default_value
     group.links.new(inputs.outputs["Strength"], times.inputs[0])
     group.links.new(times.outputs["Value"], displacement.inputs["Scale"])
     group.links.new(displacement.outputs["Displacement"], outputs.inputs["Displacement"])
     return group
-
-
-def _shown(tree: Any) -> Any:
-    """The baked texture in a material's tree; None if there is none."""
-    texture = find_node(tree, TEXTURE_NODE)
-    return texture.image if texture is not None else None
-
-
-def _copy_frames(tree: Any, group: Any, name: str) -> None:
-    source, copy = (nodes[name].image_user for nodes in (tree.nodes, group.nodes))
-    for one in _FRAMES:
-        setattr(copy, one, getattr(source, one))
 
 
 def _sockets(group: Any) -> dict[str, Any]:

@@ -3,7 +3,6 @@
 import json
 import math
 import time
-from collections.abc import Iterator
 from contextlib import suppress
 from typing import Any
 
@@ -15,10 +14,9 @@ from ..appearance.nodes import ALBEDO_NODE, find_node
 from ..appearance.shader_graph import shaders_of
 from ..image_records import from_json
 from ..operators.reporting import ReportingOperator
-from ..rig.several_rigs import all_rigs
-from ..scene.objects import refuse_linked_scene
+from ..scene.objects import refuse_linked_scene, remove_object
 from ..scene.surfaces import bounding_sphere
-from .overlays import add_overlay, baked_texture, remove_overlays
+from .coverage import add_overlay, baked_texture, remove_overlays
 
 TICK_SECONDS = 1 / 30
 SECONDS_A_TURN = 14.0
@@ -50,25 +48,18 @@ _SHADING = {
 class MPS_OT_relight(ReportingOperator, bpy.types.Operator):
     """Let a white lamp swing around what the viewport shows, in place of the rigs' lights. Press again to end it"""
 
-    bl_idname = "mps.relight"
     bl_label = "Relight"
-    bl_options = {"UNDO"}
 
     def act(self, context: Any) -> None:
         begin = context.scene.mps.relight.lamp is None
         if begin:
             refuse_linked_scene(context.scene)
-            centre, radius = _what_is_shown(context)
+            objects = context.view_layer.objects
+            shown = [obj for obj in objects.selected or objects if obj.visible_get()]
+            centre, radius = bounding_sphere(context.evaluated_depsgraph_get(), shown)
         _end(context)  # also cleans up after a lamp that was deleted manually
         if begin:
             _begin(context, centre, radius)
-
-
-def _what_is_shown(context: Any) -> tuple[Vector, float]:
-    """Centre and radius of the selection, else of all that is visible. Raises InputError if neither has a surface."""
-    objects = context.view_layer.objects
-    shown = [obj for obj in objects.selected or objects if obj.visible_get()]
-    return bounding_sphere(context.evaluated_depsgraph_get(), shown)
 
 
 def _begin(context: Any, centre: Vector, radius: float) -> None:
@@ -85,12 +76,13 @@ def _begin(context: Any, centre: Vector, radius: float) -> None:
         _show_neutral(context)
     layer = context.view_layer
     settings.view_layer = layer.name
-    for light in (light.object for one in all_rigs(scene) for light in one.rig.lights):
+    for light in (light.object for one in scene.mps.every_rig for light in one.rig.lights):
         if light is not None and light.name in layer.objects and not light.hide_get():
             light.hide_set(True)
             settings.hidden.add().object = light
-    shading = _shading(context)
-    if shading is not None:
+    space = context.space_data
+    if space is not None and space.type == "VIEW_3D":
+        shading = space.shading
         settings.shading = json.dumps({name: getattr(shading, name) for name in _SHADING})
         _set(shading, _SHADING)
     _swing_on()
@@ -135,10 +127,7 @@ def _end(context: Any) -> None:
     lamps = settings.pivot.children if settings.pivot is not None else ()
     for obj in dict.fromkeys((settings.lamp, *(one for one in lamps if one.type == "LIGHT"), settings.pivot)):
         if obj is not None:
-            data = obj.data
-            bpy.data.objects.remove(obj)
-            if data is not None and not data.users:
-                bpy.data.lights.remove(data)
+            remove_object(obj)
     layer = context.scene.view_layers.get(settings.view_layer, context.view_layer)
     for light in (light.object for light in settings.hidden):
         if light is not None and light.name in layer.objects:
@@ -146,7 +135,8 @@ def _end(context: Any) -> None:
     settings.hidden.clear()
     remove_overlays(settings.overlays)
     # Restore the viewport in which it was started: the one that still has this shading.
-    for shading in _all_shadings() if settings.shading else ():
+    areas = [area for screen in bpy.data.screens for area in screen.areas if area.type == "VIEW_3D"]
+    for shading in (area.spaces.active.shading for area in areas) if settings.shading else ():
         if shading.type == _SHADING["type"] and all(
             _alike(getattr(shading, name), _SHADING[name]) for name in _SHADING
         ):
@@ -160,20 +150,6 @@ def _towards_viewer(context: Any) -> Matrix:
         return context.region_data.view_rotation.to_matrix()
     target = context.scene.mps.rig.target
     return target.matrix_world.to_3x3() if target else Euler((math.pi / 2, 0, 0)).to_matrix()
-
-
-def _shading(context: Any) -> Any:
-    """The viewport's shading; None if there is no viewport."""
-    space = context.space_data
-    return space.shading if space is not None and space.type == "VIEW_3D" else None
-
-
-def _all_shadings() -> Iterator[Any]:
-    """The shadings of the viewports of all workspaces."""
-    for screen in bpy.data.screens:
-        for area in screen.areas:
-            if area.type == "VIEW_3D":
-                yield area.spaces.active.shading
 
 
 def _alike(one: Any, other: Any) -> bool:

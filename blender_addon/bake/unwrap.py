@@ -9,7 +9,7 @@ from mpsnet_core.errors import InputError
 
 from ..operators.chain import run_operator
 from ..operators.reporting import ReportingOperator
-from ..scene.objects import refuse_unselectable, target_of
+from ..scene.objects import refuse_unselectable, select, target_of
 
 # Faces that differ by more than this angle go to different islands; Blender's own default for Smart UV Project.
 _ANGLE = math.radians(66)
@@ -20,7 +20,6 @@ _GAP = 0.002
 class MPS_OT_unwrap(ReportingOperator, bpy.types.Operator):
     """Give the target UVs by Blender's Smart UV Project, where it has none. UVs made by hand have fewer seams"""
 
-    bl_idname = "mps.unwrap"
     bl_label = "Unwrap"
     bl_options = {"REGISTER", "UNDO"}
 
@@ -46,7 +45,7 @@ def unwrap(context: Any, obj: Any) -> None:
         raise InputError(f'"{obj.name}" is linked from another file; make it local, or unwrap it there')
     layer = context.view_layer
     selected, active = list(layer.objects.selected), layer.objects.active
-    _select(layer, [obj], obj)
+    select(layer, [obj], obj)
     try:
         run_operator(bpy.ops.object.mode_set, mode="EDIT")
         run_operator(bpy.ops.mesh.select_all, action="SELECT")
@@ -54,10 +53,4 @@ def unwrap(context: Any, obj: Any) -> None:
     finally:
         if obj.mode == "EDIT":
             bpy.ops.object.mode_set(mode="OBJECT")
-        _select(layer, selected, active)
-
-
-def _select(layer: Any, objects: list[Any], active: Any) -> None:
-    for one in layer.objects:
-        one.select_set(one in objects)
-    layer.objects.active = active
+        select(layer, selected, active)

@@ -1,4 +1,4 @@
-"""Data that a scene uses from outside its .blend file, and whether a copy of the file in another folder finds it.
+"""A copy of the open file for another Blender, and whether it finds the data that a scene uses from outside the file.
 
 The open file has in memory what a copy must read again: libraries may have been moved or deleted since. A photo without
 their data would look correct.
@@ -6,7 +6,6 @@ their data would look correct.
 
 from collections import defaultdict
 from collections.abc import Iterator
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +13,8 @@ import bpy
 
 from mpsnet_core.errors import FileError, Note
 
-from ..scene.objects import view_layer
+from ..errors import operator_errors
+from ..scene.objects import temporarily, view_layer
 
 # --- libraries --------------------------------------------------------------------------------------------------------
 
@@ -83,31 +83,21 @@ def is_gone(one: Any) -> bool:
 def not_found(scene: Any) -> list[Note]:
     """A sentence if files that a photo of the scene may show are missing; otherwise nothing."""
     kinds = (bpy.types.Image, bpy.types.VectorFont, bpy.types.Volume, bpy.types.CacheFile)
-    single = [one for one in _used(scene) if isinstance(one, kinds) and _is_one_file(one)]
-    names = sorted({Path(bpy.path.abspath(one.filepath)).name for one in single if is_gone(one)})
+    gone = (one for one in _used(scene) if isinstance(one, kinds) and is_gone(one))
+    single = [
+        one for one in gone if getattr(one, "source", "FILE") == "FILE" and not getattr(one, "is_sequence", False)
+    ]
+    names = sorted({Path(bpy.path.abspath(one.filepath)).name for one in single})
     words = "not found, and what they bring may be missing from the render: %s"
     return [Note(words, ", ".join(names), level="look")] if names else []
-
-
-def _is_one_file(one: Any) -> bool:
-    return one.source == "FILE" if isinstance(one, bpy.types.Image) else not getattr(one, "is_sequence", False)
 
 
 # --- bakes of geometry nodes ------------------------------------------------------------------------------------------
 
 
-@dataclass(frozen=True)
-class BakeFolder:
-    """A folder that the user chose for a modifier's bakes."""
-
-    owner: str
-    """Name of the object."""
-    modifier: str
-    """Its name."""
-    bake: int
-    """Index in the modifier's list, -1 for all of them."""
-    place: str
-    """Absolute path."""
+# A folder that the user chose for a modifier's bakes: the names of object and modifier, the index in the modifier's
+# list of bakes (-1 for all of them), and the absolute path.
+BakeFolder = tuple[str, str, int, str]
 
 
 def bake_folders(besides: Path) -> list[BakeFolder]:
@@ -120,7 +110,7 @@ def bake_folders(besides: Path) -> list[BakeFolder]:
             for number, (one, name) in _folder_owners(modifier).items():
                 place = Path(bpy.path.abspath(getattr(one, name)))
                 if getattr(one, name).startswith("//") and not place.is_relative_to(besides):
-                    found.append(BakeFolder(obj.name, modifier.name, number, str(place)))
+                    found.append((obj.name, modifier.name, number, str(place)))
     return found
 
 
@@ -130,11 +120,10 @@ def name_bake_folders(folders: list[BakeFolder]) -> bool:
     Blender 4.5 does not adapt relative paths when it saves to another folder, and ignores changes after its first look.
     """
     changed = False
-    for folder in folders:
-        obj = bpy.data.objects[folder.owner]
-        one, name = _folder_owners(obj.modifiers[folder.modifier])[folder.bake]
-        if Path(bpy.path.abspath(getattr(one, name))).resolve() != Path(folder.place).resolve():
-            setattr(one, name, folder.place)
+    for owner, modifier, number, place in folders:
+        one, name = _folder_owners(bpy.data.objects[owner].modifiers[modifier])[number]
+        if Path(bpy.path.abspath(getattr(one, name))).resolve() != Path(place).resolve():
+            setattr(one, name, place)
             changed = True
     return changed
 
@@ -145,3 +134,18 @@ def _folder_owners(modifier: Any) -> dict[int, tuple[Any, str]]:
         return {}
     own = {number: (bake, "directory") for number, bake in enumerate(modifier.bakes) if bake.use_custom_path}
     return {-1: (modifier, "bake_directory"), **own}
+
+
+def save_copy(path: Path, *, compress: bool, mend: str) -> None:
+    """Save a copy of the open file to `path`, without its preview, which takes longer to render than all the rest.
+
+    Raises InputError if the copy cannot be written. mend: advice in its message.
+    """
+    preferences = bpy.context.preferences
+    changed, preview = preferences.is_dirty, (preferences.filepaths, "file_preview_type", "NONE")
+    # Packing would also pack files in the open file, and fail if one is missing.
+    try:
+        with temporarily((bpy.data, "use_autopack", False), preview), operator_errors(f"cannot write {path}", mend):
+            bpy.ops.wm.save_as_mainfile(filepath=str(path), copy=True, compress=compress)
+    finally:
+        preferences.is_dirty = changed  # otherwise Blender would save the preferences when it quits

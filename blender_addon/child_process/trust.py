@@ -79,11 +79,8 @@ def blocked_scripts_note() -> list[Note]:
     """A sentence if this Blender has blocked scripts of the open file, which a render will lack."""
     if not bpy.app.autoexec_fail:
         return []
-    return [
-        Note(
-            "%s, and what drivers and text blocks of this file would do is not in it (%s); if you trust the file, tick "
-            "Run Scripts Once and render again",
-            *(SCRIPTS_OFF, bpy.app.autoexec_fail_message),
-            level="look",
-        )
-    ]
+    words = (
+        "%s, and what drivers and text blocks of this file would do is not in it (%s); if you trust the file, tick Run "
+        "Scripts Once and render again"
+    )
+    return [Note(words, SCRIPTS_OFF, bpy.app.autoexec_fail_message, level="look")]

@@ -13,7 +13,7 @@ from mpsnet_core.errors import FormatError, InputError
 from mpsnet_core.io.child_process import Parent, ParentGone, requests
 from mpsnet_core.io.files import temporary_folder
 
-from ..errors import operator_report
+from ..errors import operator_errors
 
 
 def decode_video(path: Path) -> None:
@@ -33,10 +33,8 @@ def decode_video(path: Path) -> None:
 
 def _opened(path: Path) -> bpy.types.Scene:
     """A scene with the video at its own size and frame rate, and with its stored values."""
-    try:
+    with operator_errors(f"{path} cannot be read as a video", "is it whole?", FormatError):
         clip, image = bpy.data.movieclips.load(str(path)), bpy.data.images.load(str(path))
-    except RuntimeError as error:
-        raise FormatError(f"{path} cannot be read as a video ({operator_report(error)}); is it whole?") from None
     if clip.source != "MOVIE" or not all(clip.size) or clip.fps <= 0 or clip.frame_duration < 1:
         raise FormatError(f"{path} cannot be read as a video; check that it is a complete video file")
     scene = bpy.data.scenes.new("Decoded")
@@ -65,8 +63,6 @@ def _opened(path: Path) -> bpy.types.Scene:
 def _frame(scene: bpy.types.Scene, number: int, file: Path) -> Path:
     scene.frame_set(number)
     scene.render.filepath = str(file)
-    try:
+    with operator_errors(f"frame {number} cannot be decoded", "convert the video", FormatError):
         bpy.ops.render.render(write_still=True)
-    except RuntimeError as error:
-        raise FormatError(f"frame {number} cannot be decoded ({operator_report(error)}); convert the video") from None
     return file

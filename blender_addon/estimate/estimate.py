@@ -1,33 +1,40 @@
-"""The estimate: the photo becomes a normal map in camera space, in the core's process."""
+"""The estimate: the photo becomes a normal map in camera space, in the core's process.
+
+Beside it are its mask, and the error map: the angles between the normals and the true ones of the same view.
+"""
 
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import bpy
+import numpy as np
 
 from mpsnet_core.capture.operations import FindMask
-from mpsnet_core.errors import Note, SettingsError
+from mpsnet_core.errors import FileError, GeometryError, Note, SettingsError
 from mpsnet_core.estimate.operations import Estimate
+from mpsnet_core.scene.camera import read_camera
+from mpsnet_core.scene.operations import CompareNormals
 
-from ..image_records import remember, remembered
+from ..image_records import Provenance, chosen, file_stamp, remember, remembered, sidecar, stamp
 from ..images import frame_pattern, image_file, load_frames, load_image
 from ..operators.core_run import RunsCore
 from ..outputs import FORMATS, output_frames, output_path, overruled_format
 from ..photo.camera import PLACES, chosen_camera, is_real, lens_stamp
 from ..photo.options import network, painted_mask, reading, rig_and_camera_options, rig_file_for
-from ..provenance import Provenance, chosen, file_stamp, stamp
-from ..rig.light_rig import lights_provenance
-from ..rig.several_rigs import OnEachRig, result_name, rig_at
+from ..rig.rig import lights_provenance
+from ..rig.several_rigs import OnEachRig, result_name
 from ..scene.objects import by_session_uid, find_object
-from ..settings.declared import StringSetting, apply_given_settings, options_of
+from ..settings.declared import StringSetting, options_of
 from ..settings.estimate import EstimateSettings
+
+# Tolerance of equal poses: files have this many digits.
+_SAME_POSE = 1e-5
 
 
 class MPS_OT_estimate(OnEachRig, EstimateSettings, bpy.types.Operator):
     """Estimate the surface normals that the photo shows"""
 
-    bl_idname = "mps.estimate"
     bl_label = "Estimate Normals"
     step = "estimate"
     requires = "photo"
@@ -52,11 +59,9 @@ class MPS_OT_estimate(OnEachRig, EstimateSettings, bpy.types.Operator):
 
     def prepare(self, context: Any, folder: Path) -> tuple[Estimate, Sequence[Path]]:
         scene = context.scene
-        named = self.properties.is_property_set("rig_file")
-        apply_given_settings(self, scene.mps.estimate)
         image = scene.mps.photo.image
         photo = image_file(image, "photo", "render or open one first")
-        rig_file = self.rig_file if named else rig_file_for(image, scene.mps.estimate)
+        rig_file = self.rig_file if "rig_file" in self._given else rig_file_for(image, scene.mps.estimate)
         self._moves = moves = image.source in {"SEQUENCE", "MOVIE"}
         if image.source == "SEQUENCE":
             photo = frame_pattern(photo)
@@ -77,7 +82,7 @@ class MPS_OT_estimate(OnEachRig, EstimateSettings, bpy.types.Operator):
         unused = unused if self.white else (*unused, *of_one_photo)
         operation = Estimate(
             image=(str(photo),),
-            **rig_and_camera_options(context, image, folder, self.schedule, rig_file),
+            **rig_and_camera_options(context, image, folder, self.write_mesh, rig_file),
             **reading(self, painted=painted_mask(scene.mps.estimate, folder)),
             **network(self),
             **options_of(Estimate, self, without=("focal", "distance", "model", *read, *unused)),
@@ -107,8 +112,7 @@ class MPS_OT_estimate(OnEachRig, EstimateSettings, bpy.types.Operator):
         return None if self._moves else str(self._output.with_name(name))
 
     def finish(self, context: Any, result: dict[str, Any]) -> None:
-        result_is = f"its normals are in {self._output}"
-        estimate = rig_at(self.scene(result_is), self._rig_place, result_is).estimate
+        estimate = self.rig(f"its normals are in {self._output}").estimate
         if self._moves:
             image = load_frames(Path(result["first_output"]), "MPS Normals Frames")
             estimate.first_frame, estimate.last_frame = result["first"], result["last"]
@@ -123,8 +127,7 @@ class MPS_OT_estimate(OnEachRig, EstimateSettings, bpy.types.Operator):
         estimate.image = image
         estimate.albedo_image = None
         if "albedo" in result:
-            estimate.albedo_image = load_image(Path(result["albedo"]), "MPS Albedo", is_data=False)
-            self.made(estimate.albedo_image)
+            estimate.albedo_image = self.loaded(Path(result["albedo"]), "MPS Albedo", is_data=False)
         self.tell(f"Normals written to {self._output}")
 
 
@@ -149,9 +152,8 @@ def _painted(settings: Any) -> Provenance:
 class MPS_OT_show_mask(RunsCore, EstimateSettings, bpy.types.Operator):
     """Show which pixels of the photo count as the object, before they are used. The mask is written as a file, too"""
 
-    bl_idname = "mps.show_mask"
     bl_label = "Show Mask"
-    requires = "photo"
+    requires, step = "photo", "estimate"
 
     @classmethod
     def provenance(cls, context: Any) -> Provenance:
@@ -161,7 +163,6 @@ class MPS_OT_show_mask(RunsCore, EstimateSettings, bpy.types.Operator):
 
     def prepare(self, context: Any, folder: Path) -> tuple[FindMask, Sequence[Path]]:
         scene = context.scene
-        apply_given_settings(self, scene.mps.estimate)
         photo = image_file(scene.mps.photo.image, "photo", "render or open one first")
         mask = output_path("", result_name(scene, "mask"), "PNG")
         self._overlay = mask.with_name(f"{mask.stem}_shown.png")
@@ -170,8 +171,57 @@ class MPS_OT_show_mask(RunsCore, EstimateSettings, bpy.types.Operator):
         return operation, [mask, self._overlay]
 
     def finish(self, context: Any, result: dict[str, Any]) -> None:
-        result_is = f"its mask is in {result['output']}"
-        estimate = rig_at(self.scene(result_is), self._rig_place, result_is).estimate
-        estimate.mask_image = image = load_image(self._overlay, "MPS Mask", is_data=False)
-        self.made(image)
+        estimate = self.rig(f"its mask is in {result['output']}").estimate
+        estimate.mask_image = self.loaded(self._overlay, "MPS Mask", is_data=False)
         self.tell(f"The object covers {result['share']:.1%} of the photo; mask written to {result['output']}")
+
+
+class MPS_OT_error_map(RunsCore, bpy.types.Operator):
+    """Compare the estimated normals with the true ones: the angle between them in colour, its mean and its median"""
+
+    bl_label = "Error Map"
+    requires = "estimate"
+
+    @classmethod
+    def lacks(cls, context: Any) -> str:
+        return super().lacks(context) or ("" if context.scene.mps.photo.truth else "Render the true normals first")
+
+    @classmethod
+    def provenance(cls, context: Any) -> Provenance:
+        return {**super().provenance(context), "True Normals": file_stamp(context.scene.mps.photo.truth)}
+
+    def prepare(self, context: Any, folder: Path) -> tuple[CompareNormals, Sequence[Path]]:
+        scene = context.scene
+        image = scene.mps.estimate.image
+        if image.source == "SEQUENCE":
+            raise SettingsError("the normals are a sequence; estimate one photo to compare it with its true normals")
+        normals = image_file(image, "normal map", "estimate the normals first")
+        truth = Path(bpy.path.abspath(scene.mps.photo.truth))
+        if not truth.is_file():
+            raise FileError(f"the true normals {truth} are gone; render them again")
+        camera = sidecar(truth, "camera")
+        self._check_view(image, camera, folder)
+        self._output = output_path("", result_name(scene, "errors"), "PNG")
+        operation = CompareNormals(normals=str(normals), truth=str(truth), camera=str(camera), output=str(self._output))
+        return operation, [self._output]
+
+    def _check_view(self, image: Any, camera: Path, folder: Path) -> None:
+        """Raise InputError if the true normals are of another view than the photo."""
+        taken_with, true = remembered(image, "camera"), read_camera(camera)
+        if taken_with is None:
+            return
+        (folder / "camera.json").write_text(taken_with, encoding="utf-8")
+        ours = read_camera(folder / "camera.json")
+        apart = np.abs(ours.projection_rows() - true.projection_rows()).max()
+        size = np.abs(true.projection_rows()).max()
+        if (ours.width, ours.height) != (true.width, true.height) or apart > _SAME_POSE * size:
+            raise GeometryError(
+                "the true normals are of another view than the photo; render them again, or the photo and its normals"
+            )
+
+    def remarks(self, result: dict[str, Any]) -> Sequence[Note]:
+        return [Note("mean error %.2f°, median %.2f°", result["mean"], result["median"])]
+
+    def finish(self, context: Any, result: dict[str, Any]) -> None:
+        estimate = self.rig(f"its error map is in {self._output}").estimate
+        estimate.error_image = self.loaded(self._output, "MPS Errors", is_data=False)

@@ -19,21 +19,24 @@ from ..appearance.displacement import (
     show_normals,
     show_object_normals,
 )
-from ..appearance.modifiers import DISPLACE, keep_smoothness, move_by_modifier, remove_modifier, subdivide, subdivided
-from ..appearance.nodes import NORMAL_NODE, TEXTURE_NODE, find_node, trees_of
+from ..appearance.modifiers import DISPLACE, TRIAL, keep_smoothness, move_by_modifier, remove_modifier, subdivide
+from ..appearance.nodes import NORMAL_NODE, TEXTURE_NODE, find_node, image_in, trees_of
 from ..appearance.shader_graph import output_of
 from ..bake.bake_operator import BakeOperator
-from ..bake.texture_owners import store_owners
-from ..bake.texture_sets import AssignedTexture, ensure_own_materials, keep_materials_to_itself, with_tokens
-from ..image_records import remembered
+from ..bake.texture_sets import (
+    AssignedTexture,
+    ensure_own_materials,
+    keep_materials_to_itself,
+    store_owners,
+    with_tokens,
+)
+from ..image_records import Provenance, chosen, remembered, stamp
 from ..images import image_file, load_image, load_tiles, tile_files
 from ..outputs import output_path, overruled_format
-from ..provenance import Provenance, chosen, stamp
-from ..scene.mesh_file import begin_mesh
 from ..scene.objects import by_session_uid
-from ..scene.surfaces import world_scale
-from ..settings.declared import apply_given_settings, options_of, round_as_typed
-from ..settings.displace import DisplaceSettings
+from ..scene.surfaces import values_of, world_scale
+from ..settings.declared import options_of, round_as_typed
+from ..settings.heights import DisplaceSettings
 
 # A relief lower than this, as a fraction of the object's size, hardly shows.
 _INVISIBLE = 2e-3
@@ -54,22 +57,19 @@ _FLAT = (
 class MPS_OT_displace(BakeOperator, DisplaceSettings, bpy.types.Operator):
     """Make the baked texture's heights on the target's UVs and displace its surface by them"""
 
-    bl_idname = "mps.displace"
     bl_label = "Displace Object"
-    requires = "bake"
+    requires, step = "bake", "displace"
 
     @classmethod
     def provenance(cls, context: Any) -> Provenance:
         scene = context.scene.mps
         target = scene.bake.target
-        assigned = _textures(slot.material for slot in target.material_slots) if target is not None else set()
+        assigned = _textures(trees_of(target)) if target is not None else set()
         texture = assigned.pop() if len(assigned) == 1 else scene.bake.image
         return {"Texture": stamp(texture), **chosen(scene.displace)}
 
     def prepare(self, context: Any, folder: Path) -> tuple[Integrate, Sequence[Path]]:
         bake = context.scene.mps.bake
-        given = any(self.properties.is_property_set(name) for name in ("levels", "scale"))
-        apply_given_settings(self, context.scene.mps.displace)
         target = self.baked_object(context)
         image = _texture_of(target) or bake.image
         if image.source == "SEQUENCE":
@@ -82,18 +82,15 @@ class MPS_OT_displace(BakeOperator, DisplaceSettings, bpy.types.Operator):
         self._normals: Path | None = None
         self._notes = overruled_format(self._output, context.scene.mps.displace)
         self._size = world_scale(target)
-        if self.automatic and not given:
+        if self.automatic and not self._given & {"levels", "scale"}:
             self.levels, self.scale = _suited(target, max(image.size))
             if self.method == "MATERIAL":  # renders bumps between the vertices; facets show more in finer shadows
                 self.levels = min(self.levels, _MATERIAL_LEVELS)
             self._notes = [*self._notes, Note(_DERIVED, self.levels, 100 * self.scale)]
-        context.view_layer.update()
         # In object axes, but at world size: modifiers displace in object space, even under non-uniform scale.
         turn = Matrix.Scale(self._size, 4) @ target.matrix_world.inverted()
-        depsgraph = context.evaluated_depsgraph_get()
-        begun = begin_mesh(folder / "mesh.npz", target, depsgraph, _uv_map_of(target) or bake.uv_map, turn)
-        self.schedule(begun.slices)
-        self._uv_map = begun.uv_map
+        uv_map = _uv_map_of(target) or bake.uv_map
+        self._uv_map = self.write_mesh(context, folder / "mesh.npz", target, uv_map, turn).uv_map
         known: dict[str, Any] = {
             what: remembered(image, what) or getattr(bake, what) for what in ("space", "convention")
         }
@@ -106,9 +103,12 @@ class MPS_OT_displace(BakeOperator, DisplaceSettings, bpy.types.Operator):
         self._smooth = self.subdivision == "SIMPLE" and round_as_typed(self.scale) > 0
         base = folder / "base.npz" if self.levels and not self._smooth else None
         if base:
-            with subdivided(target, self.subdivision, min(self.levels, MAX_BASE_LEVELS)):
-                depsgraph = context.evaluated_depsgraph_get()
-                self.schedule(begin_mesh(base, target, depsgraph, self._uv_map, turn).slices)
+            levels = min(self.levels, MAX_BASE_LEVELS)
+            subdivide(target, self.subdivision, levels, levels, TRIAL)
+            try:
+                self.write_mesh(context, base, target, self._uv_map, turn)
+            finally:
+                remove_modifier(target, TRIAL)
         operation = Integrate(
             normals=str(texture),
             height=str(self._output),
@@ -190,10 +190,8 @@ class MPS_OT_displace(BakeOperator, DisplaceSettings, bpy.types.Operator):
 def _suited(target: Any, pixels: int) -> tuple[int, float]:
     """Subdivisions and broadest bumps, as a fraction of its size, for a mesh with a texture of so many pixels."""
     mesh = target.data
-    areas, uvs = np.empty(len(mesh.polygons), np.float32), np.empty(2 * len(mesh.loops), np.float32)
-    mesh.polygons.foreach_get("area", areas)
-    mesh.uv_layers[_uv_map_of(target) or mesh.uv_layers.active.name].uv.foreach_get("vector", uvs)
-    across = np.ptp(np.clip(uvs.reshape(-1, 2), 0, 1), axis=0)
+    areas, layer = values_of(mesh.polygons, "area", 1), _uv_map_of(target) or mesh.uv_layers.active.name
+    across = np.ptp(np.clip(values_of(mesh.uv_layers[layer].uv, "vector", 2), 0, 1), axis=0)
     edge, texel = np.sqrt(areas.mean()), np.sqrt(areas.sum() / max(float(across.prod()), 1e-6)) / max(pixels, 1)
     most = np.log(_MOST_FACES / max(len(areas), 1)) / np.log(4)
     levels = int(np.clip(np.floor(min(np.log2(edge / (_TEXELS_A_FACE * texel)), most)), 0, _MOST_LEVELS))
@@ -210,10 +208,10 @@ def _texture_of(target: Any) -> Any:
 
     Raises InputError if the object has several, or if only other objects have one.
     """
-    assigned = _textures(slot.material for slot in target.material_slots)
+    assigned = _textures(trees_of(target))
     if len(assigned) > 1:
         raise InputError(f'the materials of "{target.name}" use several textures; bake them into one')
-    if not assigned and _textures(bpy.data.materials):
+    if not assigned and _textures(one.node_tree for one in bpy.data.materials if one.node_tree):
         raise InputError(f'"{target.name}" uses no baked texture; choose the object that it was baked onto')
     return next(iter(assigned), None)
 
@@ -227,6 +225,5 @@ def _uv_map_of(target: Any) -> str:
     return next((name for name in assigned if name in target.data.uv_layers), "")
 
 
-def _textures(materials: Iterable[Any]) -> set[Any]:
-    trees = (material.node_tree for material in materials if material and material.node_tree)
-    return {node.image for tree in trees if (node := find_node(tree, TEXTURE_NODE))} - {None}
+def _textures(trees: Iterable[Any]) -> set[Any]:
+    return {image_in(tree) for tree in trees} - {None}

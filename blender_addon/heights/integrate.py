@@ -19,10 +19,10 @@ from ..operators.core_run import RunsCore
 from ..outputs import output_path, overruled_format
 from ..photo.align import mesh_of_photo
 from ..photo.options import seen_through
-from ..provenance import Provenance, chosen, stamp
-from ..rig.several_rigs import result_name, rig_at
+from ..rig.several_rigs import result_name
+from ..scene.objects import select
 from ..scene.surfaces import middle_of
-from ..settings.declared import apply_given_settings, options_of, round_as_typed
+from ..settings.declared import options_of, round_as_typed
 from ..settings.heights import HeightsSettings
 
 PICTURES = {"curvature": "Curvature", "occlusion": "Ambient Occlusion", "relit": "Relit"}
@@ -31,18 +31,11 @@ PICTURES = {"curvature": "Curvature", "occlusion": "Ambient Occlusion", "relit":
 class MPS_OT_integrate(RunsCore, HeightsSettings, bpy.types.Operator):
     """Make heights of the estimated normals: a file, a mesh where the camera saw the object, pictures of its shape"""
 
-    bl_idname = "mps.integrate"
     bl_label = "Make Height"
-    requires = "estimate"
-
-    @classmethod
-    def provenance(cls, context: Any) -> Provenance:
-        scene = context.scene.mps
-        return {"Normals": stamp(scene.estimate.image), **chosen(scene.heights)}
+    requires, step = "estimate", "heights"
 
     def prepare(self, context: Any, folder: Path) -> tuple[Integrate, Sequence[Path]]:
         scene = context.scene
-        apply_given_settings(self, scene.mps.heights)
         image = scene.mps.estimate.image
         if image.source == "SEQUENCE":
             raise InputError("the normals are a sequence, and heights are made of one photo's; estimate one photo")
@@ -92,11 +85,8 @@ class MPS_OT_integrate(RunsCore, HeightsSettings, bpy.types.Operator):
 
     def finish(self, context: Any, result: dict[str, Any]) -> None:
         result_is = f"its heights are in {self._output}"
-        scene = self.scene(result_is)
-        estimate = rig_at(scene, self._rig_place, result_is).estimate
-        image = load_image(self._output, "MPS Height", is_data=True)
-        self.made(image, stretched=True)
-        scene.mps.heights.image = image
+        scene, estimate = self.scene(result_is), self.rig(result_is).estimate
+        scene.mps.heights.image = self.loaded(self._output, "MPS Height", is_data=True, stretched=True)
         for what, picture in self._pictures.items():
             shown = load_image(picture, f"MPS {PICTURES[what]}", is_data=what != "relit")
             shown.use_fake_user = True  # it has no other user when the file is saved
@@ -113,15 +103,11 @@ def _import_surface(scene: Any, file: Path, earlier: Any) -> Any:
     bpy.ops.wm.ply_import(filepath=str(file), forward_axis="Y", up_axis="Z", import_colors="NONE")
     (made,) = set(bpy.data.objects) - known
     made.data.shade_smooth()
-    # The importer uses the open scene and changes the selection; restore it for the next step.
+    # The importer uses the open scene and changes the selection, which the next step needs.
     for collection in made.users_collection:
         collection.objects.unlink(made)
     scene.collection.objects.link(made)
-    if made.name in layer.objects:
-        made.select_set(False)
-    layer.objects.active = active
-    for obj in selected:
-        obj.select_set(True)
+    select(layer, selected, active)
     if earlier is None or scene.objects.get(earlier.name) != earlier or earlier.type != "MESH":
         made.name = made.data.name = name
         return made

@@ -24,7 +24,6 @@ class RunsSteps(ReportingOperator):
     at the first one that fails or is cancelled.
     """
 
-    bl_options = {"UNDO"}
     first_message = Note("starting")
     drawn: Callable[[], None]  # draws over the viewports meanwhile; a static method
     _called = ""  # the operator whose result is awaited

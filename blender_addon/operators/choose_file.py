@@ -41,7 +41,6 @@ def remember_folder(file: str) -> None:
 class MPS_OT_choose_file(bpy.types.Operator):
     """Choose a file of the kind that this field takes. For the first of three lights you can select all three photos"""
 
-    bl_idname = "mps.choose_file"
     bl_label = "Choose File"
     bl_options = {"INTERNAL", "UNDO"}
 

@@ -9,14 +9,16 @@ from pathlib import Path
 from typing import Any
 
 import bpy
+from mathutils import Matrix
 
 from mpsnet_core.errors import FileError, Note
 from mpsnet_core.io.files import resolved, temporary_folder
 
 from ..child_process.core_process import CORE, CoreProcess, Program, Work, run
+from ..image_records import refuse_to_overwrite
 from ..outputs import is_permanent
-from ..provenance import refuse_to_overwrite
-from ..scene.mesh_file import Slices
+from ..scene.mesh_file import BegunMesh, Slices, begin_mesh
+from ..settings.declared import apply_given_settings
 from ..settings.messages import in_blender
 from .progress import Pace, cursor_progress, redraw_panels, time_left_text
 from .reporting import ReportingOperator, verb_of
@@ -91,7 +93,6 @@ class RunsCore(ReportingOperator):
     which users change.
     """
 
-    bl_options = {"UNDO"}
     _notes: Sequence[Note] = ()  # of `prepare`, in addition to the core's
     _omitted_notes: Sequence[str] = ()  # redundant notes of the core
     _slices: list[Slices]
@@ -116,6 +117,20 @@ class RunsCore(ReportingOperator):
     def schedule(self, slices: Slices) -> None:
         """Called by `prepare` to schedule long work, which is done slice by slice before the core starts."""
         self._slices.append(slices)
+
+    def write_mesh(
+        self, context: Any, path: Path, obj: Any, uv_map: str | None = None, turn: Matrix | None = None
+    ) -> BegunMesh:
+        """Called by `prepare` to write an object's mesh file before the core starts: see :func:`.begin_mesh`."""
+        context.view_layer.update()
+        begun = begin_mesh(path, obj, context.evaluated_depsgraph_get(), uv_map, turn)
+        self.schedule(begun.slices)
+        return begun
+
+    def take_settings(self, context: Any) -> None:
+        """Take the settings of the operator's step from the scene, and store there what was given."""
+        if self.step:
+            apply_given_settings(self, getattr(context.scene.mps, self.step))
 
     def program(self, folder: Path) -> Program:
         """The program that does the work that `prepare` returned, in the background. folder: that of `prepare`."""
@@ -158,6 +173,7 @@ class RunsCore(ReportingOperator):
         self._finished(context, result)
 
     def _prepared(self, context: Any, folder: Path) -> tuple[Work, Sequence[Path]]:
+        self.take_settings(context)
         work, outputs = self.prepare(context, folder)
         self.check_outputs(outputs)
         self._made_from = self.provenance(context)
@@ -270,7 +286,6 @@ class RunsCore(ReportingOperator):
 class MPS_OT_cancel(bpy.types.Operator):
     """Stop what is running; nothing half-written is left"""
 
-    bl_idname = "mps.cancel"
     bl_label = "Cancel"
     bl_options = {"INTERNAL"}
 

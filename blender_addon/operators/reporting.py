@@ -3,6 +3,7 @@
 import inspect
 import logging
 from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
 import bpy
@@ -13,8 +14,8 @@ from mpsnet_core.io.crash_log import describe_unexpected_error
 
 from ..child_process.core_process import CoreCrashed
 from ..errors import system_report
-from ..images import fine_preview
-from ..provenance import Provenance, store_provenance
+from ..image_records import Provenance, chosen, stamp, store_provenance
+from ..images import fine_preview, load_image
 from ..scene.objects import by_session_uid
 from ..settings.declared import StringSetting
 from ..settings.messages import in_blender
@@ -25,10 +26,11 @@ log = logging.getLogger(__name__)
 CANCELLED = "cancelled"
 # The bounds of a number that a slider keeps, for those that Blender enforces.
 _SOFT = {"min": "soft_min", "max": "soft_max"}
-_MISSING = {
-    "photo": "Render or open a photo first",
-    "estimate": "Estimate the normals first",
-    "bake": "Bake the texture first",
+# Steps whose image an operator may require: what the panel calls it, and what is said where it is missing.
+_REQUIRED = {
+    "photo": ("Photo", "Render or open a photo first"),
+    "estimate": ("Normals", "Estimate the normals first"),
+    "bake": ("Texture", "Bake the texture first"),
 }
 
 
@@ -39,11 +41,14 @@ class ReportingOperator(bpy.types.Operator):
     that called the operator gets it as a RuntimeError.
     """
 
-    requires = ""  # the step in _MISSING whose image is required
+    bl_options = {"UNDO"}
+    requires = ""  # the step in _REQUIRED whose image is required
+    step = ""  # the step whose settings it has
     _scene_uid = 0
     _rig_place = 0  # position of the chosen rig in the scene's list
     _whose = ""  # prefix of messages on one of several rigs: its name
     _made_from: Provenance
+    _given: set[str]  # names of the properties that its caller has set
 
     def __init_subclass__(cls) -> None:
         """Let numbers keep their bounds for the mouse alone: Blender would clamp a script's silently."""
@@ -65,7 +70,8 @@ class ReportingOperator(bpy.types.Operator):
     @classmethod
     def lacks(cls, context: Any) -> str:
         """What is missing to run it, as a sentence without a full stop; "" if nothing is."""
-        return _MISSING[cls.requires] if cls.requires and not getattr(context.scene.mps, cls.requires).image else ""
+        lacking = cls.requires and not getattr(context.scene.mps, cls.requires).image
+        return _REQUIRED[cls.requires][1] if lacking else ""
 
     def refuse_lacking(self, context: Any) -> None:
         """Raise InputError if something is missing; for operators that a script may give it, so that they can begin."""
@@ -74,8 +80,13 @@ class ReportingOperator(bpy.types.Operator):
 
     @classmethod
     def provenance(cls, context: Any) -> Provenance:
-        """The current inputs of a result. If they change later, the panel shows that the result is out of date."""
-        return {}
+        """The current inputs of a result. If they change later, the panel shows that the result is out of date.
+
+        By default, they are the image that it requires and the settings of its step.
+        """
+        mps = context.scene.mps
+        required = {_REQUIRED[cls.requires][0]: stamp(getattr(mps, cls.requires).image)} if cls.requires else {}
+        return {**required, **(chosen(getattr(mps, cls.step)) if cls.step else {})}
 
     @classmethod
     def poll(cls, context: Any) -> bool:
@@ -97,6 +108,22 @@ class ReportingOperator(bpy.types.Operator):
             raise InputError(f"the scene that this was made for is gone; {result}")
         return scene
 
+    def rig(self, result: object) -> Any:
+        """The settings group with ``rig``, ``photo`` and ``estimate`` of the rig that was chosen when it was started.
+
+        Raises InputError if it no longer exists. result: as of :meth:`scene`.
+        """
+        rigs = self.scene(result).mps.every_rig
+        if self._rig_place >= len(rigs):
+            raise InputError(f"the rig that this was made for is gone; {result}")
+        return rigs[self._rig_place]
+
+    def loaded(self, path: Path, name: str, *, is_data: bool, stretched: bool = False) -> Any:
+        """The image of a resulting file: see :func:`.load_image` and :meth:`made`."""
+        image = load_image(path, name, is_data=is_data)
+        self.made(image, stretched=stretched)
+        return image
+
     def made(self, image: bpy.types.Image, *, stretched: bool = False) -> None:
         """Store its inputs with the resulting image, and unfold it in the panel; called once it exists.
 
@@ -110,6 +137,8 @@ class ReportingOperator(bpy.types.Operator):
     def begin(self, context: Any) -> None:
         """Called first: clear the record of an earlier run."""
         self._scene_uid, self._rig_place = context.scene.session_uid, context.scene.mps.chosen_rig
+        names = {one.identifier for one in self.properties.bl_rna.properties} - {"rna_type"}
+        self._given = set(filter(self.properties.is_property_set, names))
         self._store_record()
 
     def execute(self, context: Any) -> set[Any]:
@@ -117,13 +146,12 @@ class ReportingOperator(bpy.types.Operator):
         return {"FINISHED"} if self.done(lambda: self._act_in_range(context)) else {"CANCELLED"}
 
     def _act_in_range(self, context: Any) -> None:
-        for one in self.properties.bl_rna.properties:
-            if one.type in {"INT", "FLOAT"} and self.properties.is_property_set(one.identifier):
-                value = getattr(self, one.identifier)
-                if not one.is_array and not one.soft_min <= value <= one.soft_max:
-                    raise SettingsError(
-                        f"{one.name} {value:g} is out of range; choose {one.soft_min:g} to {one.soft_max:g}"
-                    )
+        for name in self._given:
+            one, value = self.properties.bl_rna.properties[name], getattr(self, name)
+            if one.type in {"INT", "FLOAT"} and not one.is_array and not one.soft_min <= value <= one.soft_max:
+                raise SettingsError(
+                    f"{one.name} {value:g} is out of range; choose {one.soft_min:g} to {one.soft_max:g}"
+                )
         self.act(context)
 
     def start_modal(self, context: Any, start: Callable[[Any], None]) -> set[Any]:
@@ -170,7 +198,6 @@ def verb_of(idname: str) -> str:
 class MPS_OT_dismiss(bpy.types.Operator):
     """Dismiss this message; you can run the step again"""
 
-    bl_idname = "mps.dismiss"
     bl_label = "Dismiss Message"
     bl_options = {"INTERNAL", "UNDO"}
 

@@ -59,7 +59,6 @@ def show_image(context: Any, image: bpy.types.Image, mode: str = "VIEW") -> None
 class MPS_OT_show_image(ReportingOperator, bpy.types.Operator):
     """Show this picture in an Image Editor: in an open one, else beside the viewport"""
 
-    bl_idname = "mps.show_image"
     bl_label = "Show in Image Editor"
     bl_options = {"INTERNAL"}
 

@@ -14,7 +14,7 @@ from ..bake.texture_sets import BakeTarget, with_tokens
 from ..bake.unwrap import lacks_uvs
 from ..image_records import remembered
 from ..photo.camera import chosen_camera
-from ..rig.light_rig import rig_camera
+from ..rig.rig import rig_camera
 from ..scene.mesh_file import slot_labels
 from ..scene.objects import check_in_scene, target_of
 from ..settings.record import error_of, notes_of

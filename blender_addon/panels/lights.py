@@ -7,7 +7,7 @@ from mpsnet_core.scene.rig import LightRig
 
 from ..photo.find_lights import from_ball, places_of_ball
 from ..photo.options import rig_file_for
-from ..rig.light_rig import COLOURS
+from ..rig.rig import COLOURS
 from ..settings.messages import OWN_SENSE
 from .photo_inputs import lights_of
 from .step import Step, target_name

@@ -8,10 +8,10 @@ from mpsnet_core.errors import InputError, Note
 from mpsnet_core.estimate.alignment.points import MIN_PAIRS
 
 from ..child_process.trust import SCRIPTS_OFF
+from ..image_records import made_by
 from ..photo.camera import is_real
 from ..photo.pick_points import picking
-from ..provenance import made_by
-from ..rig.light_rig import last_evaluated_rig, rig_camera
+from ..rig.rig import last_evaluated_rig, rig_camera
 from ..rig.rig_picture import rig_icon
 from ..scene.camera import scene_camera
 from ..settings.messages import in_blender

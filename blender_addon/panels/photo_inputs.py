@@ -16,11 +16,10 @@ from mpsnet_core.errors import InputError, Note
 from mpsnet_core.io.frames import is_folder_or_pattern
 from mpsnet_core.scene.rig import LightRig, read_rig
 
-from ..image_records import origin, remembered
+from ..image_records import is_there, origin, remembered
 from ..photo.camera import chosen_camera, is_real
 from ..photo.options import rig_file_for
-from ..provenance import is_there
-from ..rig.light_rig import last_evaluated_rig
+from ..rig.rig import last_evaluated_rig
 from ..settings.record import result_of
 
 _VIRTUAL = "The virtual rig in the scene counts as your photo's lights. Choose the rig file of the real ones"

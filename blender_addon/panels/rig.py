@@ -6,8 +6,7 @@ from mpsnet_core.errors import InputError
 
 from ..photo.camera import is_real
 from ..rig.light_preview import light_preview
-from ..rig.light_rig import last_evaluated_rig
-from ..rig.rig import rig_objects
+from ..rig.rig import last_evaluated_rig, rig_objects
 from ..scene.surfaces import SURFACES
 from .lights import light_table
 from .photo_inputs import Lights, lights_of, virtual_rig

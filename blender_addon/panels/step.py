@@ -17,10 +17,9 @@ from bpy.app.translations import pgettext_iface as iface
 
 from mpsnet_core.errors import Note
 
-from ..image_records import origin
+from ..image_records import cached_file_sizes, changed_since, made_by, made_when, origin
 from ..operators.reporting import ReportingOperator, verb_of
 from ..outputs import is_safe_to_open
-from ..provenance import cached_file_sizes, changed_since, made_by, made_when
 from ..rig.several_rigs import OnEachRig
 from ..scene.objects import target_of
 from ..settings.messages import OWN_SENSE, in_blender

@@ -3,8 +3,8 @@
 from typing import Any
 
 from ..bake.many_views import background
+from ..image_records import made_by
 from ..outputs import is_safe_to_open
-from ..provenance import made_by
 from .bake import lacks_base_map, lacks_targets, offer_anyway
 from .photo_inputs import NO_LIGHTS
 from .step import Step

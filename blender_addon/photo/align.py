@@ -13,17 +13,17 @@ from mpsnet_core.errors import InputError
 from mpsnet_core.estimate.alignment.operation import Align, fit_in_words
 from mpsnet_core.scene.camera import FULL_FRAME, Camera, read_camera, write_camera
 
-from ..images import image_file, load_image, picture_size
+from ..image_records import Provenance, stamp
+from ..images import image_file, picture_size
 from ..operators.core_run import RunsCore
+from ..operators.reporting import ReportingOperator
 from ..outputs import output_path
-from ..provenance import Provenance, stamp
 from ..rig.several_rigs import result_name
 from ..scene.camera import scene_camera
-from ..scene.mesh_file import begin_mesh
 from ..scene.objects import by_session_uid, check_in_scene, find_object, target_of
 from ..scene.surfaces import middle_of
-from ..settings.align import AlignSettings
-from ..settings.declared import IntSetting, StringSetting, apply_given_settings, from_option, round_as_typed
+from ..settings.declared import IntSetting, StringSetting, from_option, round_as_typed
+from ..settings.photo import AlignSettings
 from .camera import chosen_camera, is_real, take_pairs_along
 from .options import network, painted_mask, reading, rig_file_for, rig_path
 
@@ -36,8 +36,8 @@ class MPS_OT_align_photo(RunsCore, AlignSettings, bpy.types.Operator):
 
     Four pairs of points or more place it first, where there are any; the photo's outline and normals refine it"""
 
-    bl_idname = "mps.align_photo"
     bl_label = "Align Photo"
+    step = "align"
 
     target: StringSetting(
         "Target", "Name of the mesh object that the photo shows. Empty: the target of the bake, else the active one"
@@ -64,15 +64,13 @@ class MPS_OT_align_photo(RunsCore, AlignSettings, bpy.types.Operator):
 
     def prepare(self, context: Any, folder: Path) -> tuple[Align, Sequence[Path]]:
         scene = context.scene
-        apply_given_settings(self, scene.mps.align)
         photo, estimate = scene.mps.photo.image, scene.mps.estimate
         file = image_file(photo, "photo", "open it again")
         if photo.source == "MOVIE":
             raise InputError(f"{file.name} is a video; open one of its frames as a picture and align that")
         target = find_object(scene, self.target) if self.target else mesh_of_photo(context)
-        context.view_layer.update()
+        self.write_mesh(context, folder / "mesh.npz", target)
         take_pairs_along(photo, target)
-        self.schedule(begin_mesh(folder / "mesh.npz", target, context.evaluated_depsgraph_get(), None).slices)
         overlay = output_path("", result_name(scene, "alignment"), "PNG")
         self._camera, self._overlay = overlay.with_name(f"{overlay.stem}_camera.json"), overlay
         self._photo, self._target = photo.session_uid, target.session_uid
@@ -140,8 +138,7 @@ class MPS_OT_align_photo(RunsCore, AlignSettings, bpy.types.Operator):
             self.note(fit)
         for pair, residual in zip(photo.mps.pairs, result.get("residuals") or (), strict=False):
             pair.residual = residual
-        scene.mps.align.image = overlay = load_image(self._overlay, "MPS Alignment", is_data=False)
-        self.made(overlay)
+        scene.mps.align.image = self.loaded(self._overlay, "MPS Alignment", is_data=False)
         self.tell(f'Camera "{camera.name}": {photo.mps.fit}', "WARNING" if photo.mps.poor else "INFO")
 
 
@@ -193,24 +190,18 @@ def _camera_object(scene: Any, photo: Any, found: Camera, target: Any) -> Any:
     return camera
 
 
-class MPS_OT_remove_align_point(bpy.types.Operator):
+class MPS_OT_remove_align_point(ReportingOperator, bpy.types.Operator):
     """Remove this pair of points"""
 
-    bl_idname = "mps.remove_align_point"
     bl_label = "Remove Point"
     bl_options = {"REGISTER", "UNDO", "INTERNAL"}
 
+    requires = "photo"
+
     index: IntSetting("Number", "Number of the pair in the photo's list, from 0", min=0)
 
-    @classmethod
-    def poll(cls, context: Any) -> bool:
-        photo = context.scene.mps.photo.image
-        return photo is not None and len(photo.mps.pairs) > 0
-
-    def execute(self, context: Any) -> set[Any]:
+    def act(self, context: Any) -> None:
         pairs = context.scene.mps.photo.image.mps.pairs
         if self.index >= len(pairs):
-            self.report({"ERROR"}, f"there is no pair {self.index}; the photo has {len(pairs)}, numbered from 0")
-            return {"CANCELLED"}
+            raise InputError(f"there is no pair {self.index}; the photo has {len(pairs)}, numbered from 0")
         pairs.remove(self.index)
-        return {"FINISHED"}

@@ -32,7 +32,6 @@ from mpsnet_core.io.child_process import Parent, ParentGone, only_request
 from mpsnet_core.io.crash_log import describe_unexpected_error
 
 from ..child_process.core_process import Program, blender_command
-from ..child_process.file_copy import save_copy
 from ..child_process.linked_data import (
     BakeFolder,
     bake_folders,
@@ -40,10 +39,11 @@ from ..child_process.linked_data import (
     missing_links,
     name_bake_folders,
     refuse_lost_links,
+    save_copy,
 )
 from ..child_process.simulation_caches import simulations_write_into
 from ..child_process.trust import blocked_scripts_note, take_run_permission
-from ..errors import operator_report
+from ..errors import operator_errors
 from ..images import pixels_of
 from .studio import RenderKind, RenderProgress, render
 
@@ -97,19 +97,20 @@ def written_job(context: Any, what: RenderKind, output: Path, folder: Path) -> d
     caches = original.with_name(f"blendcache_{original.stem}")  # next to a file and named after it, as for the copy
     if bpy.data.filepath and caches.is_dir():
         shutil.copytree(caches, folder / caches.name, ignore=_no_files)
-    job = RenderJob(
-        str(copy),
-        what,
-        context.scene.name,
-        context.scene.mps.chosen_rig,
-        context.view_layer.name,
-        str(output),
-        take_run_permission(),
-        painted,
-        missing_links(),
-        bake_folders(besides=caches) if bpy.data.filepath else [],
+    return asdict(
+        RenderJob(
+            str(copy),
+            what,
+            context.scene.name,
+            context.scene.mps.chosen_rig,
+            context.view_layer.name,
+            str(output),
+            take_run_permission(),
+            painted,
+            missing_links(),
+            bake_folders(besides=caches) if bpy.data.filepath else [],
+        )
     )
-    return asdict(job)
 
 
 def _no_files(folder: str, names: list[str]) -> list[str]:
@@ -169,8 +170,7 @@ def render_job(folder: Path) -> int:
     parent = Parent()
     tempfile.tempdir = str(folder)  # not that of the preferences: this folder is removed, however this process ends
     try:
-        request = only_request()
-        job = RenderJob(**{**request, "bakes": [BakeFolder(**one) for one in request["bakes"]]})
+        job = RenderJob(**only_request())
         parent.send(progress=0.0, message="opening a copy of the file")
         with simulations_write_into(folder, animated=job.what == "frames"):
             scene = _opened(job)
@@ -199,10 +199,15 @@ def _cancel(*_: Any) -> None:
 
 def _opened(job: RenderJob) -> Any:
     """Open the copy, and return its scene in the window. Raises InputError if linked data is lost."""
-    _open(job)
+
+    def open_copy() -> None:
+        with operator_errors("the copy of this file cannot be opened", "save it and try again"):
+            bpy.ops.wm.open_mainfile(filepath=job.file, load_ui=False, use_scripts=job.use_scripts)
+
+    open_copy()
     if name_bake_folders(job.bakes):  # Blender reads them only when the file is opened
         bpy.ops.wm.save_mainfile()
-        _open(job)
+        open_copy()
     scene = bpy.data.scenes[job.scene]
     window = bpy.context.window_manager.windows[0]
     window.scene, window.view_layer = scene, scene.view_layers[job.view_layer]
@@ -211,15 +216,6 @@ def _opened(job: RenderJob) -> Any:
     for name, file in job.painted.items():
         _paint(bpy.data.images[name], file)
     return scene
-
-
-def _open(job: RenderJob) -> None:
-    try:
-        bpy.ops.wm.open_mainfile(filepath=job.file, load_ui=False, use_scripts=job.use_scripts)
-    except RuntimeError as error:
-        raise InputError(
-            f"the copy of this file cannot be opened ({operator_report(error)}); save it and try again"
-        ) from None
 
 
 @contextmanager

@@ -10,9 +10,8 @@ from mathutils import Matrix, Vector
 
 from mpsnet_core.scene.camera import write_camera
 
-from ..image_records import from_json, remember, remembered
+from ..image_records import Provenance, from_json, made_by, remember, remembered, rounded
 from ..images import picture_size
-from ..provenance import Provenance, made_by, rounded
 from ..scene.camera import scene_camera
 
 # Stored with a rendered photo and its normals: where its objects stood, by name.

@@ -10,21 +10,19 @@ from zlib import crc32
 import bpy
 from bpy.app.handlers import persistent
 
-from mpsnet_core.calibrate.mesh_operation import CalibrateMesh
-from mpsnet_core.calibrate.operations import CalibrateLights, CalibrateMixing
+from mpsnet_core.calibrate.operations import CalibrateLights, CalibrateMesh, CalibrateMixing
 from mpsnet_core.errors import InputError, Note
-from mpsnet_core.estimate.lights.operation import CalibratePhoto
+from mpsnet_core.estimate.operations import CalibratePhoto
 from mpsnet_core.operation import Operation
 
 from ..image_records import from_json
-from ..images import frame_pattern, image_file, load_image
+from ..images import frame_pattern, image_file
 from ..operators.core_run import RunsCore, idle
 from ..outputs import file_name, is_permanent, requested_path
 from ..preferences import output_folder
-from ..rig.several_rigs import all_rigs, result_name, rig_at
-from ..scene.mesh_file import begin_mesh
-from ..settings.calibrate import CalibrateSettings
+from ..rig.several_rigs import result_name
 from ..settings.declared import apply_given_settings, options_of
+from ..settings.photo import CalibrateSettings
 from .align import mesh_of_photo
 from .camera import lacks_photo_camera, write_photo_camera
 from .options import painted_mask, reading
@@ -43,7 +41,10 @@ class _Calibrates(RunsCore, CalibrateSettings):
 
     def _outputs_named(self, what: str = "") -> list[Path]:
         """The files to write: the rig's, and what is drawn over the photo of a ball."""
-        rig = self._rig = self._rig_path(file_name(result_name(bpy.context.scene, "rig")))
+        named = f"{file_name(result_name(bpy.context.scene, 'rig'))}.json"
+        rig = self._rig = requested_path(self.output) if self.output else output_folder() / named
+        if rig.suffix.lower() != ".json":
+            raise InputError(f"a rig file's name ends in .json, that of {rig} does not; change it")
         self._overlay = rig.with_name(f"{rig.stem}_{what}.png") if what else None
         return [rig, self._overlay] if self._overlay else [rig]
 
@@ -58,25 +59,14 @@ class _Calibrates(RunsCore, CalibrateSettings):
             "output": str(self._rig),
         }
 
-    def _rig_path(self, name: str) -> Path:
-        """The rig file to write: the one that the settings name, or `name` in the output folder."""
-        path = requested_path(self.output) if self.output else output_folder() / f"{name}.json"
-        if path.suffix.lower() != ".json":
-            raise InputError(f"a rig file's name ends in .json, that of {path} does not; change it")
-        return path
-
     def _show_results(self, table: Sequence[Sequence[str]]) -> None:
         """Show the overlay, if any, and the table of results (headings first), and use the rig for estimates.
 
         Rows with only two cells are shown as separate lines below the table.
         """
         result_is = f"the rig is in {self._rig}"
-        scene = self.scene(result_is)
-        estimate = rig_at(scene, self._rig_place, result_is).estimate
-        settings = scene.mps.calibrate
-        settings.image = image = load_image(self._overlay, _OVERLAY, is_data=False) if self._overlay else None
-        if image is not None:
-            self.made(image)
+        estimate, settings = self.rig(result_is).estimate, self.scene(result_is).mps.calibrate
+        settings.image = self.loaded(self._overlay, _OVERLAY, is_data=False) if self._overlay else None
         settings.summary = "\n".join("|".join(row) for row in table)
         estimate.rig_file = str(self._rig)
         if from_ball(self) and self.lens and not estimate.lens:
@@ -90,7 +80,6 @@ class _Calibrates(RunsCore, CalibrateSettings):
 class MPS_OT_calibrate_lights(_Calibrates, bpy.types.Operator):
     """Find the three lights by a mirror ball, the target's mesh or the photo, and write a rig file for the estimate"""
 
-    bl_idname = "mps.calibrate_lights"
     bl_label = "Find Lights"
 
     @classmethod
@@ -141,8 +130,7 @@ class MPS_OT_calibrate_lights(_Calibrates, bpy.types.Operator):
             return CalibratePhoto(image=(str(photo),), output=str(self._rig), **read), outputs
         camera, mesh = folder / "camera.json", folder / "mesh.npz"
         write_photo_camera(camera, scene, image)
-        context.view_layer.update()
-        self.schedule(begin_mesh(mesh, mesh_of_photo(context), context.evaluated_depsgraph_get(), None).slices)
+        self.write_mesh(context, mesh, mesh_of_photo(context))
         return CalibrateMesh(
             image=(str(photo),), mesh=str(mesh), camera=str(camera), output=str(self._rig), **read
         ), outputs
@@ -158,7 +146,6 @@ class MPS_OT_calibrate_lights(_Calibrates, bpy.types.Operator):
 class MPS_OT_calibrate_mixing(_Calibrates, bpy.types.Operator):
     """Find in the photo of a matt grey ball how the lights' colours mix, and add it to the rig file"""
 
-    bl_idname = "mps.calibrate_mixing"
     bl_label = "Find Mixing"
 
     def prepare(self, context: Any, folder: Path) -> tuple[CalibrateMixing, Sequence[Path]]:
@@ -206,7 +193,7 @@ def _photo(path: str, what: str) -> str:
 @persistent
 def _write_kept_rigs(*_: Any) -> None:
     """Write the rig files that the open .blend file keeps, as those that they are copies of go with a Blender."""
-    estimates = (one.estimate for scene in bpy.data.scenes if not scene.library for one in all_rigs(scene))
+    estimates = (one.estimate for scene in bpy.data.scenes if not scene.library for one in scene.mps.every_rig)
     for estimate in estimates:
         file, text = [*from_json(estimate.kept_rig, list), None, None][:2]
         if not isinstance(text, str) or file != estimate.rig_file:

@@ -21,9 +21,7 @@ class MPS_OT_look_through(ReportingOperator, bpy.types.Operator):
 
     The scene's resolution is the photo's meanwhile. Press again, or turn the view, to leave it"""
 
-    bl_idname = "mps.look_through"
     bl_label = "Look Through"
-    bl_options = {"UNDO"}
 
     @classmethod
     def lacks(cls, context: Any) -> str:
@@ -58,24 +56,26 @@ def _photos_camera(scene: Any) -> Any:
     return camera if camera is not None and scene.objects.get(camera.name) == camera else None
 
 
+def _frame(scene: Any) -> list[float]:
+    return [float(getattr(scene.render, name)) for name in _FRAME]
+
+
 def _use_photo_resolution(scene: Any) -> None:
     """Set the scene's resolution to the photo's, and store the previous one with the scene."""
-    photo, render = scene.mps.photo, scene.render
-    before = _stored_frames(scene)[: len(_FRAME)] or [getattr(render, name) for name in _FRAME]
+    photo, before = scene.mps.photo, _stored_frames(scene)[: len(_FRAME)] or _frame(scene)
     size = picture_size(photo.image) if is_real(photo.image) else (photo.width, photo.height)
     for name, value in zip(_FRAME, (*size, 1, 1), strict=True):
-        setattr(render, name, value)
-    scene[_BEFORE] = [*map(float, before), *(float(getattr(render, name)) for name in _FRAME)]
+        setattr(scene.render, name, value)
+    scene[_BEFORE] = [*before, *_frame(scene)]
 
 
 def _restore_resolution(scene: Any) -> None:
     """Restore the scene's resolution, unless the user has changed it meanwhile."""
-    numbers, render = _stored_frames(scene), scene.render
+    numbers = _stored_frames(scene)
     del scene[_BEFORE]
-    before, taken = numbers[: len(_FRAME)], numbers[len(_FRAME) :]
-    if numbers and [getattr(render, name) for name in _FRAME] == taken:
-        for name, value in zip(_FRAME, before, strict=True):
-            setattr(render, name, int(value) if name.startswith("resolution") else value)
+    if numbers[len(_FRAME) :] == _frame(scene):
+        for name, value in zip(_FRAME, numbers, strict=False):
+            setattr(scene.render, name, int(value) if name.startswith("resolution") else value)
 
 
 def _stored_frames(scene: Any) -> list[float]:

@@ -11,12 +11,10 @@ from mpsnet_core.errors import GeometryError, SettingsError
 from mpsnet_core.estimate.operations import Estimate
 from mpsnet_core.scene.rig import read_rig, write_rig
 
-from ..image_records import remembered
+from ..image_records import made_by, remembered
 from ..images import paint_grey, pixels_of
 from ..preferences import preference
-from ..provenance import made_by
-from ..rig.light_rig import light_rig, rig_camera
-from ..scene.mesh_file import Slices, begin_mesh
+from ..rig.rig import light_rig, rig_camera
 from ..scene.objects import check_in_scene
 from ..settings.declared import identifier, options_of, round_as_typed
 from ..settings.estimate import MODELS
@@ -33,19 +31,32 @@ def rig_file_for(photo: Any, settings: Any) -> str:
 
 
 def rig_and_camera_options(
-    context: Any, image: Any, folder: Path, schedule: Callable[[Slices], None], rig_file: str | None = None
+    context: Any, image: Any, folder: Path, write_mesh: Callable[..., Any], rig_file: str | None = None
 ) -> dict[str, Any]:
-    """The core's options for the photo's rig and camera, by the scene's settings.
+    """The core's options for the photo's rig and camera and, for near lights, its distance to the object.
 
-    schedule: that of the operator, see :class:`.RunsCore`. rig_file: the rig's file, "" for none, None for that of the
-    settings if it applies to this photo.
+    write_mesh: that of the operator, see :class:`.RunsCore`. rig_file: the rig's file, "" for none, None for that of
+    the settings if it applies to this photo.
     """
-    scene = context.scene
+    scene, settings = context.scene, context.scene.mps.estimate
     if rig_file is None:
-        rig_file = rig_file_for(image, scene.mps.estimate)
+        rig_file = rig_file_for(image, settings)
     rig = rig_path(scene, image, folder, rig_file)
-    near = rig is not None and read_rig(rig).near is not None
-    return {"rig": rig, **_viewpoint_options(context, image, folder, schedule, near=near)}
+    options = {"rig": rig, **seen_through(scene, image, settings.lens, folder)}
+    if rig is None or read_rig(rig).near is None:
+        return options
+    if len(options) == 1:
+        raise GeometryError(
+            "the rig's lights stand near the object, so the photo's camera counts; enter its lens, or add a rig, "
+            "whose camera is used"
+        )
+    if settings.distance:
+        options["distance"] = round_as_typed(settings.distance)
+    elif settings.surface is not None and not settings.lens:
+        check_in_scene(scene, settings.surface, "surface")
+        write_mesh(context, folder / "surface.npz", settings.surface)
+        options["mesh"] = str(folder / "surface.npz")
+    return options
 
 
 def rig_path(scene: Any, image: Any, folder: Path, rig_file: str) -> str | None:
@@ -70,29 +81,6 @@ def finds_lights(scene: Any, image: Any, rig_file: str) -> bool:
     return not rig_file and remembered(image, "rig") is None and is_real(image) and not scene.mps.rig.lights
 
 
-def _viewpoint_options(
-    context: Any, image: Any, folder: Path, schedule: Callable[[Slices], None], *, near: bool
-) -> dict[str, Any]:
-    """The core's options for the photo's camera and, for near lights, its distance to the object."""
-    scene = context.scene
-    settings = scene.mps.estimate
-    viewpoint = seen_through(scene, image, settings.lens, folder)
-    if near and not viewpoint:
-        raise GeometryError(
-            "the rig's lights stand near the object, so the photo's camera counts; enter its lens, or add a rig, "
-            "whose camera is used"
-        )
-    if near and settings.distance:
-        viewpoint["distance"] = round_as_typed(settings.distance)
-    elif near and settings.surface is not None and not settings.lens:
-        check_in_scene(scene, settings.surface, "surface")
-        context.view_layer.update()
-        depsgraph = context.evaluated_depsgraph_get()
-        schedule(begin_mesh(folder / "surface.npz", settings.surface, depsgraph, None).slices)
-        viewpoint["mesh"] = str(folder / "surface.npz")
-    return viewpoint
-
-
 def seen_through(scene: Any, image: Any, lens: float, folder: Path) -> dict[str, Any]:
     """The core's option for a photo's camera: its lens if known, else the photo's camera, else the rig's, else nothing.
 
@@ -109,20 +97,17 @@ def seen_through(scene: Any, image: Any, lens: float, folder: Path) -> dict[str,
 
 
 def network(settings: Any) -> dict[str, Any]:
-    """The core's options for the model from the settings, and for the device of networks from the preferences."""
-    provider, threads = preference("provider").lower(), preference("threads")
-    return {"model": model_name(settings), "provider": provider, "threads": threads}
+    """The core's options for the model from the settings, and for the device of networks from the preferences.
 
-
-def model_name(settings: Any) -> str:
-    """The model's name for the core. Raises SettingsError if it is from a file but no file is set."""
-    if settings.model == identifier(BY_PHOTO):
-        return BY_PHOTO
-    if settings.model != "FILE":
-        return MODELS[settings.model].name
-    if not settings.model_file:
-        raise SettingsError("the model is a file but none is named; choose an .onnx file")
-    return bpy.path.abspath(settings.model_file)
+    Raises SettingsError if the model is from a file but no file is set.
+    """
+    if settings.model == "FILE":
+        if not settings.model_file:
+            raise SettingsError("the model is a file but none is named; choose an .onnx file")
+        model = bpy.path.abspath(settings.model_file)
+    else:
+        model = BY_PHOTO if settings.model == identifier(BY_PHOTO) else MODELS[settings.model].name
+    return {"model": model, "provider": preference("provider").lower(), "threads": preference("threads")}
 
 
 def reading(settings: Any, unmasked: str = MASK, painted: str = "") -> dict[str, Any]:

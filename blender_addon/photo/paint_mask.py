@@ -17,8 +17,6 @@ from mpsnet_core.capture.operations import FindMask
 from ..images import image_file, paint_grey, pixels_of
 from ..operators.core_run import RunsCore
 from ..operators.show_image import show_image
-from ..provenance import Provenance, stamp
-from ..rig.several_rigs import rig_at
 from .options import painted_mask, reading
 
 # Ranges of values outside the object and on it, below and above one half.
@@ -30,13 +28,8 @@ class MPS_OT_paint_mask(RunsCore, bpy.types.Operator):
 
     The next estimate uses it as it is painted then. Press again to see what it comes to"""
 
-    bl_idname = "mps.paint_mask"
     bl_label = "Paint Mask"
     requires = "photo"
-
-    @classmethod
-    def provenance(cls, context: Any) -> Provenance:
-        return {"Photo": stamp(context.scene.mps.photo.image)}
 
     def prepare(self, context: Any, folder: Path) -> tuple[FindMask, Sequence[Path]]:
         scene = context.scene
@@ -49,9 +42,9 @@ class MPS_OT_paint_mask(RunsCore, bpy.types.Operator):
         return operation, [self._mask, self._shown]
 
     def finish(self, context: Any, result: dict[str, Any]) -> None:
-        estimate = rig_at(self.scene("its mask is not painted"), self._rig_place, "its mask is not painted").estimate
+        estimate = self.rig("its mask is not painted").estimate
         mask, shown = _values(self._mask) > 0.5, _values(self._shown)
-        picture = np.where(mask, _between(shown, *_INSIDE), _between(shown, *_OUTSIDE))
+        picture = np.where(mask, np.interp(shown, (0, 1), _INSIDE), np.interp(shown, (0, 1), _OUTSIDE))
         image = estimate.painted_mask
         if image is None or tuple(image.size) != mask.shape[::-1]:
             image = bpy.data.images.new("MPS Painted Mask", *mask.shape[::-1], alpha=True, is_data=True)
@@ -74,8 +67,3 @@ def _values(file: Path) -> NDArray[np.float32]:
         file.unlink()
     values: NDArray[np.float32] = pixels[..., :3].mean(axis=-1)
     return values
-
-
-def _between(values: NDArray[np.float32], low: float, high: float) -> NDArray[np.float32]:
-    """Map values from 0 to 1 to the range from `low` to `high`."""
-    return low + (high - low) * np.clip(values, 0, 1)

@@ -1,4 +1,7 @@
-"""The photo: rendered under the rig alone, opened from a file, or combined from three; and its true normals."""
+"""The photo: rendered under the rig alone, opened from a file, or combined from three; and its true normals.
+
+Before it is used, its exposure, lights and focus are checked.
+"""
 
 import hashlib
 import os
@@ -9,33 +12,33 @@ from typing import Any
 import bpy
 from bpy.props import StringProperty
 
-from mpsnet_core.capture.operations import Superpose
+from mpsnet_core.capture.operations import Check, Superpose
 from mpsnet_core.errors import InputError
 from mpsnet_core.io.files import HEIF_SUFFIXES, IMAGE_SUFFIXES, PHOTO_SUFFIXES, RAW_SUFFIXES, VIDEO_SUFFIXES
 
 from ..child_process.core_process import Program, Work, run
 from ..child_process.linked_data import not_found
 from ..child_process.trust import blocked_scripts_note
-from ..image_records import origin, read_sidecar, remember
-from ..images import frame_pattern, load_photo
+from ..image_records import Provenance, chosen, file_stamp, origin, remember, rounded
+from ..images import frame_pattern, image_file, load_photo
 from ..openimageio import load_openimageio
 from ..operators.choose_file import remember_folder, start_folder
 from ..operators.core_run import RunsCore
 from ..operators.progress import cursor_progress
 from ..operators.reporting import ReportingOperator
 from ..outputs import output_frames, output_path, render_path
-from ..provenance import Provenance, chosen, file_stamp, rounded
-from ..rig.light_rig import light_rig, lights_provenance, rig_camera
-from ..rig.several_rigs import OnEachRig, result_name, rig_at
+from ..rig.rig import light_rig, lights_provenance, rig_camera
+from ..rig.several_rigs import OnEachRig, result_name
 from ..scene.objects import find_object
-from ..settings.declared import BoolSetting, FileSetting, StringSetting, apply_given_settings, options_of
-from ..settings.photo import PhotoSettings
-from ..settings.superpose import SuperposeSettings
+from ..settings.declared import BoolSetting, FileSetting, StringSetting, options_of
+from ..settings.photo import PhotoSettings, SuperposeSettings
 from .background_render import rendering_blender, written_job
 from .camera import PLACES, places_of
+from .options import reading, rig_file_for, rig_path
 from .studio import RenderKind, objects_in_photo, render, scene_facts, white_of
 
 LIGHTS = ("first", "second", "third")
+_VERDICTS = {"good": "The photo is good", "watch": "The photo can be used", "bad": "The photo should be taken again"}
 
 
 class _Renders(RunsCore):
@@ -81,6 +84,7 @@ class _Renders(RunsCore):
         return rendering_blender(folder)
 
     def run_here(self, context: Any) -> None:
+        self.take_settings(context)
         what, output = self._destination(context.scene)
         self.check_outputs([output])
         self._notes = not_found(context.scene)
@@ -98,16 +102,17 @@ class MPS_OT_render_photo(OnEachRig, _Renders, PhotoSettings, bpy.types.Operator
     Other lights and the world are off. The scene is rendered as it is now and stays as it is. The rig and the camera,
     as they stand, are written beside the photo"""
 
-    bl_idname = "mps.render_photo"
     bl_label = "Render Photo"
     step = "photo"
 
     @classmethod
     def provenance(cls, context: Any) -> Provenance:
-        return {**_drawn(context.scene), **chosen(context.scene.mps.photo)}
+        # As at Blender's last evaluation; empty if they cannot take a photo.
+        lights, scene = lights_provenance(context.scene), context.scene
+        camera = {"Camera": rounded(rig_camera(scene).matrix_world, 4)} if lights else {}
+        return {**lights, **camera, **chosen(scene.mps.photo)}
 
     def destination(self, scene: Any) -> tuple[RenderKind, Path]:
-        apply_given_settings(self, scene.mps.photo)
         self._moves = self.animation
         self._places = None if self._moves else places_of(objects_in_photo(scene))
         if self._moves:
@@ -115,8 +120,7 @@ class MPS_OT_render_photo(OnEachRig, _Renders, PhotoSettings, bpy.types.Operator
         return "photo", render_path(output_path(self.output, result_name(scene, "photo"), "EXR"))
 
     def finish(self, context: Any, result: dict[str, Any]) -> None:
-        result_is = f"its photo is in {result['output']}"
-        rig = rig_at(self.scene(result_is), self._rig_place, result_is)
+        rig = self.rig(f"its photo is in {result['output']}")
         image = load_photo(Path(result["output"]), "MPS Photo Frames" if self._moves else "MPS Photo")
         remember(image, PLACES, self._places)
         _set_photo(rig, image)
@@ -136,9 +140,7 @@ class MPS_OT_open_photo(ReportingOperator, bpy.types.Operator):
 
     Files NAME.rig.json and NAME.camera.json beside it are read"""
 
-    bl_idname = "mps.open_photo"
     bl_label = "Open Photo"
-    bl_options = {"UNDO"}
 
     filepath: FileSetting("File", "Photo under red, green and blue light")
     sequence: BoolSetting(
@@ -175,7 +177,6 @@ class MPS_OT_open_photo(ReportingOperator, bpy.types.Operator):
 class MPS_FH_photo(bpy.types.FileHandler):
     """Drag and drop: a photo dropped into a 3D viewport or an image editor becomes the photo."""
 
-    bl_idname = "MPS_FH_photo"
     bl_label = "Open as Photo of MPS-Net"
     bl_import_operator = "mps.open_photo"
     bl_file_extensions = ";".join((*PHOTO_SUFFIXES, *VIDEO_SUFFIXES))
@@ -191,8 +192,8 @@ class MPS_OT_superpose(RunsCore, SuperposeSettings, bpy.types.Operator):
     Neither object nor camera may move between them. Each photo becomes a channel, so that paint does not mislead the
     estimate, and all together are the white photo, which shows the colours"""
 
-    bl_idname = "mps.superpose"
     bl_label = "Make One Photo"
+    step = "superpose"
 
     @classmethod
     def provenance(cls, context: Any) -> Provenance:
@@ -202,7 +203,6 @@ class MPS_OT_superpose(RunsCore, SuperposeSettings, bpy.types.Operator):
 
     def prepare(self, context: Any, folder: Path) -> tuple[Superpose, Sequence[Path]]:
         scene = context.scene
-        apply_given_settings(self, scene.mps.superpose)
         photos = [getattr(self, name) for name in LIGHTS]
         for name, photo in zip(LIGHTS, photos, strict=True):
             if not photo:
@@ -214,8 +214,7 @@ class MPS_OT_superpose(RunsCore, SuperposeSettings, bpy.types.Operator):
 
     def finish(self, context: Any, result: dict[str, Any]) -> None:
         photo = Path(result["output"])
-        result_is = f"its photo is in {photo}"
-        rig = rig_at(self.scene(result_is), self._rig_place, result_is)
+        rig = self.rig(f"its photo is in {photo}")
         image = load_photo(photo, photo.stem)
         self.made(image)
         rig.estimate.encoding = "AUTO"  # the setting was for the three photos; this file states its own
@@ -230,12 +229,6 @@ def _set_photo(rig: Any, image: bpy.types.Image) -> None:
     rig.photo.image = image
 
 
-def _drawn(scene: Any) -> Provenance:
-    """Lights and camera at Blender's last evaluation, as provenance; empty if they cannot take a photo."""
-    lights = lights_provenance(scene)
-    return {**lights, "Camera": rounded(rig_camera(scene).matrix_world, 4)} if lights else {}
-
-
 def _is_shown_as_read(path: Path) -> bool:
     """Whether Blender shows a photo as the core reads it: no camera raw, HEIC or AVIF, and no EXIF orientation."""
     load_openimageio()  # not needed at Blender's start
@@ -248,21 +241,14 @@ def _is_shown_as_read(path: Path) -> bool:
 
 
 def load_any_photo(path: Path) -> bpy.types.Image:
-    """An image that shows a photo as the core reads it."""
-    return load_photo(path, path.stem) if _is_shown_as_read(path) else load_converted(path)
-
-
-def load_converted(path: Path) -> bpy.types.Image:
     """An image that shows a photo as the core reads it. Operations still read the photo's own file."""
+    if _is_shown_as_read(path):
+        return load_photo(path, path.stem)
     # Cameras number files in the same way: photos in different folders may have the same name.
     number = hashlib.sha256(os.fsencode(path.absolute())).hexdigest()[:8]
     shown = Path(bpy.app.tempdir) / f"{path.stem}_{number}.exr"
     run(Superpose(image=(str(path),), encoding="auto", channels=False, output=str(shown)), [shown])
-    image = load_photo(shown, path.stem)
-    remember(image, "source", str(path.absolute()))
-    for what in ("rig", "camera"):
-        remember(image, what, read_sidecar(path, what))
-    return image
+    return load_photo(shown, path.stem, path)
 
 
 class MPS_OT_render_truth(_Renders, bpy.types.Operator):
@@ -270,7 +256,6 @@ class MPS_OT_render_truth(_Renders, bpy.types.Operator):
 
     The camera is written beside the file"""
 
-    bl_idname = "mps.render_truth"
     bl_label = "Render True Normals"
 
     output: FileSetting("File", "OpenEXR file to write. Empty: a name of its own in the output folder")
@@ -279,6 +264,24 @@ class MPS_OT_render_truth(_Renders, bpy.types.Operator):
         return "normals", render_path(output_path(self.output, result_name(scene, "true_normals"), "EXR"))
 
     def finish(self, context: Any, result: dict[str, Any]) -> None:
-        result_is = f"its true normals are in {result['output']}"
-        rig_at(self.scene(result_is), self._rig_place, result_is).photo.truth = result["output"]
+        self.rig(f"its true normals are in {result['output']}").photo.truth = result["output"]
         self.tell(f"True normals written to {result['output']}")
+
+
+class MPS_OT_check_photo(RunsCore, bpy.types.Operator):
+    """Say whether the photo is exposed and focused well, and what its lights reach, before it is used"""
+
+    bl_label = "Check Photo"
+    requires = "photo"
+
+    def prepare(self, context: Any, folder: Path) -> tuple[Check, Sequence[Path]]:
+        scene = context.scene
+        image = scene.mps.photo.image
+        if image.source == "MOVIE":
+            raise InputError("a video is not checked as a whole; open one of its frames as a picture")
+        photo = image_file(image, "photo", "render or open one first")
+        rig = rig_path(scene, image, folder, rig_file_for(image, scene.mps.estimate))
+        return Check(image=str(photo), rig=rig, **reading(scene.mps.estimate)), []
+
+    def finish(self, context: Any, result: dict[str, Any]) -> None:
+        self.tell(_VERDICTS[result["level"]])

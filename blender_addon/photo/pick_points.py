@@ -353,9 +353,7 @@ class MPS_OT_pick_points(ReportingOperator, bpy.types.Operator):
     The photo opens beside the viewport. Drag a marker to move it, X deletes the one under the mouse, Backspace takes
     the last one back, Esc ends"""
 
-    bl_idname = "mps.pick_points"
     bl_label = "Pick Points"
-    bl_options = {"UNDO"}
 
     @classmethod
     def lacks(cls, context: Any) -> str:

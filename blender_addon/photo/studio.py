@@ -19,11 +19,11 @@ from mpsnet_core.io.provenance import digest
 from mpsnet_core.scene.camera import Camera, write_camera
 from mpsnet_core.scene.rig import write_rig
 
-from ..errors import operator_report
+from ..errors import operator_errors
 from ..image_records import sidecar
 from ..openimageio import load_openimageio
 from ..outputs import render_path, with_escaped_braces
-from ..rig.light_rig import last_evaluated_rig, rig_camera, rig_parts
+from ..rig.rig import last_evaluated_rig, rig_camera, rig_parts
 from ..scene.camera import scene_camera
 from ..scene.objects import rendered, view_layer
 from ..scene.surfaces import box_of, surfaces
@@ -423,10 +423,8 @@ def _render(studio: Any, path: Path, file_format: str) -> None:
     studio.render.use_file_extension = False
     with atomic_write(path) as unfinished:
         studio.render.filepath = with_escaped_braces(unfinished)
-        try:
+        with operator_errors(f"Blender could not render {path}", "see what it printed"):
             bpy.ops.render.render(write_still=True, scene=studio.name)
-        except RuntimeError as error:
-            raise InputError(f"Blender could not render {path}: {operator_report(error)}") from None
         load_openimageio()  # not needed at Blender's start
         from mpsnet_core.io.image_writing import is_complete_image
 

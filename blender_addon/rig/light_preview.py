@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from mpsnet_core.errors import Cancelled, InputError
 from mpsnet_core.io.files import temporary_folder
-from mpsnet_core.scene.camera import camera_data, write_camera
+from mpsnet_core.scene.camera import write_camera
 from mpsnet_core.scene.operations import PreviewLights
 from mpsnet_core.scene.rig import write_rig
 
@@ -31,7 +31,7 @@ from ..scene.camera import scene_camera
 from ..scene.mesh_file import write_surfaces
 from ..scene.objects import by_session_uid, rendered, view_layer
 from ..scene.surfaces import SURFACES
-from .light_rig import last_evaluated_rig, light_rig, rig_camera
+from .rig import last_evaluated_rig, light_rig, rig_camera
 
 TICK_SECONDS = 0.3
 PIXELS = 256
@@ -41,7 +41,6 @@ PICTURES = ("Photo", "Normals")
 class MPS_OT_light_preview(ReportingOperator, bpy.types.Operator):
     """Show what the three lights reach while you move them, the camera or the object. Press again to leave it"""
 
-    bl_idname = "mps.light_preview"
     bl_label = "Light Preview"
     bl_options = {"REGISTER"}
 
@@ -55,7 +54,7 @@ class MPS_OT_light_preview(ReportingOperator, bpy.types.Operator):
             return
         light_rig(context.scene)
         _open.append(LightPreview(context.scene.session_uid))
-        if not bpy.app.background:
+        if not (bpy.app.background or bpy.app.timers.is_registered(tick)):
             bpy.app.timers.register(tick, first_interval=0)
 
 
@@ -72,7 +71,7 @@ class LightPreview:
     mesh_of: str = ""
     """The objects in the mesh file with their transforms, as JSON."""
     shown: str = ""
-    """The complete state that the last child was started with, as JSON."""
+    """The complete state that the last child was started with, as text."""
     process: CoreProcess | None = None
     """The child that is tracing."""
     resources: ExitStack = field(default_factory=ExitStack)
@@ -110,25 +109,19 @@ class LightPreview:
         except InputError:
             self.shown = ""  # trace again once the error is mended
             raise
-        near = [] if rig.near is None else [rig.near.positions.tolist(), rig.near.target.tolist(), rig.near.lobe]
         mesh_of = json.dumps([(obj.session_uid, [list(row) for row in obj.matrix_world]) for obj in objects])
-        shown = json.dumps([mesh_of, rig.directions.tolist(), rig.mixing.tolist(), near, camera_data(camera)])
+        shown = f"{mesh_of} {rig} {camera}"
         if shown == self.shown:
             return
         self.shown = shown  # even if the rest fails: try again after the next change
-        files = {name: str(self.folder / file) for name, file in _FILES.items()}
+        files: dict[str, Any] = {name: str(self.folder / file) for name, file in _FILES.items()}
         if mesh_of != self.mesh_of:
             self.mesh_of = ""
             write_surfaces(Path(files["mesh"]), bpy.context.evaluated_depsgraph_get(), objects)
             self.mesh_of = mesh_of
         write_rig(files["rig"], rig)
         write_camera(files["camera"], camera)
-        self.process = CoreProcess(
-            PreviewLights(
-                mesh=files["mesh"], rig=files["rig"], camera=files["camera"], output=files["output"], size=PIXELS
-            ),
-            [Path(files["output"])],
-        )
+        self.process = CoreProcess(PreviewLights(**files, size=PIXELS), [Path(files["output"])])
 
     def _show(self, picture: NDArray[np.float32]) -> None:
         """Show (H, 2 W, 4), two images side by side, as icons."""
@@ -176,32 +169,24 @@ def _objects(scene: Any) -> list[Any]:
 def tick() -> float | None:
     """Update the preview, or end it if its scene or rig was removed."""
     for preview in list(_open):
-        scene = preview.scene
-        if scene is None:
-            _close()
-            break
         try:
+            if (scene := preview.scene) is None:
+                raise Cancelled
             preview.update(scene)
         except (InputError, CoreCrashed) as error:
             preview.fail(str(error))
         except OSError as error:
             preview.fail(system_report(error))
         except Cancelled:
-            _close()
+            end()
     return TICK_SECONDS if _open else None
-
-
-def _close() -> None:
-    while _open:
-        _open.pop().close()
 
 
 @persistent
 def end(*_: Any) -> None:
-    """Switch the preview off, and free its resources."""
-    _close()
-    if bpy.app.timers.is_registered(tick):
-        bpy.app.timers.unregister(tick)
+    """Switch the preview off, and free its resources. The timer ends by itself."""
+    while _open:
+        _open.pop().close()
 
 
 @persistent
@@ -221,6 +206,7 @@ def _undone(*_: Any) -> None:
         preview.moved = True
 
 
+TIMERS = (tick,)
 HANDLERS = {"load_pre": end, "depsgraph_update_post": _shape_changed, "undo_post": _undone, "redo_post": _undone}
 
 

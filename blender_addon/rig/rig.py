@@ -1,7 +1,10 @@
-"""The rig: three coloured lights and a camera around an object, added and removed."""
+"""The rig: three coloured lights and a camera around an object, added and removed; and as the core's LightRig.
+
+The latter has the current directions of the lights, and how their colours mix.
+"""
 
 import math
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 from typing import Any
 
 import bpy
@@ -11,15 +14,14 @@ from numpy.typing import NDArray
 
 from mpsnet_core.errors import InputError
 from mpsnet_core.scene.camera import FULL_FRAME
-from mpsnet_core.scene.rig import direction_from_angles
+from mpsnet_core.scene.rig import LightRig, direction_from_angles, near_rig
 
+from ..image_records import Provenance, rounded
 from ..operators.reporting import ReportingOperator
-from ..scene.objects import refuse_linked_scene, refuse_unselectable
+from ..scene.objects import refuse_linked_scene, refuse_unselectable, remove_object, view_layer
 from ..scene.surfaces import sphere_around, surface_points
 from ..settings.declared import apply_given_settings
-from ..settings.messages import in_blender
 from ..settings.rig import RigSettings
-from .light_rig import COLOURS, area_power
 
 COLLECTION = "MPS Rig"
 # Least distance of a perspective camera from the nearest point, in radii of the object.
@@ -34,50 +36,47 @@ _VIEWS = {
     "TOP": ((1, 0, 0), (0, 1, 0), (0, 0, 1)),
     "BOTTOM": ((1, 0, 0), (0, -1, 0), (0, 0, -1)),
 }
+COLOURS = {"Red": (1.0, 0.0, 0.0), "Green": (0.0, 1.0, 0.0), "Blue": (0.0, 0.0, 1.0)}
+# Angular falloff of positioned lights, as a power of the cosine: an area light appears smaller from the side.
+_LOBES = {"AREA": 1.0, "POINT": 0.0, "SPOT": 0.0}
+# The watts at which each kind of light is as bright on its axis as an area light of one watt.
+_WATTS = {"AREA": 1.0, "POINT": 4.0, "SPOT": 4.0}
 
 
 class MPS_OT_add_rig(ReportingOperator, RigSettings, bpy.types.Operator):
     """Add three coloured lights and a camera around the selected objects, in place of an earlier rig"""
 
-    bl_idname = "mps.add_rig"
     bl_label = "Add Rig"
     bl_options = {"REGISTER", "UNDO"}
 
     @classmethod
-    def poll(cls, context: Any) -> bool:
+    def lacks(cls, context: Any) -> str:
         active = context.view_layer.objects.active
         if active is not None and active.mode != "OBJECT":
-            cls.poll_message_set(in_blender("Switch to Object Mode first"))
-            return False
+            return "Switch to Object Mode first"
         try:
             _selected(context)
         except InputError as error:
-            cls.poll_message_set(in_blender(str(error)))
-            return False
-        return True
+            return str(error)
+        return ""
 
     def act(self, context: Any) -> None:
         apply_given_settings(self, context.scene.mps.rig)
         add_rig(context)
 
 
-class MPS_OT_remove_rig(bpy.types.Operator):
+class MPS_OT_remove_rig(ReportingOperator, bpy.types.Operator):
     """Remove the rig's lights, camera and target"""
 
-    bl_idname = "mps.remove_rig"
     bl_label = "Remove Rig"
     bl_options = {"REGISTER", "UNDO"}
 
     @classmethod
-    def poll(cls, context: Any) -> bool:
-        if context.scene.mps.rig.target is None:
-            cls.poll_message_set(in_blender("There is no rig in this scene"))
-            return False
-        return True
+    def lacks(cls, context: Any) -> str:
+        return "" if context.scene.mps.rig.target else "There is no rig in this scene"
 
-    def execute(self, context: Any) -> set[Any]:
+    def act(self, context: Any) -> None:
         remove_rig(context.scene)
-        return {"FINISHED"}
 
 
 def add_rig(context: Any) -> None:
@@ -124,14 +123,8 @@ def remove_rig(scene: Any) -> None:
     settings = scene.mps.rig
     elsewhere = {obj for other in bpy.data.scenes if other != scene for obj in other.objects}
     for obj in list(rig_objects(scene)):
-        if obj in elsewhere:
-            continue
-        data = obj.data
-        bpy.data.objects.remove(obj)
-        if isinstance(data, bpy.types.Camera) and not data.users:
-            bpy.data.cameras.remove(data)
-        elif isinstance(data, bpy.types.Light) and not data.users:
-            bpy.data.lights.remove(data)
+        if obj not in elsewhere:
+            remove_object(obj)
     collection = settings.collection
     if collection is not None and not collection.objects and not collection.children:
         bpy.data.collections.remove(collection)
@@ -227,3 +220,129 @@ def _add_light(settings: Any, name: str, location: Vector) -> Any:
     aim = light.constraints.new("DAMPED_TRACK")
     aim.name, aim.target, aim.track_axis = "MPS Aim", settings.target, "TRACK_NEGATIVE_Z"
     return light
+
+
+def light_rig(scene: Any) -> LightRig:
+    """The rig with its objects' current positions, in camera space.
+
+    A sun shines along its own axis, wherever it is; any other light shines from its position towards the target. If all
+    three are of one such kind, they are near lights, whose directions vary over the image. The mixing matrix follows
+    from the lights' colours and their brightness at the target.
+
+    Raises InputError if a part of the rig is missing, the lights' brightness cannot be compared, or their directions do
+    not determine a normal.
+    """
+    view_layer(scene).update()
+    return last_evaluated_rig(scene)
+
+
+def last_evaluated_rig(scene: Any, depsgraph: Any = None) -> LightRig:
+    """:func:`light_rig` from Blender's last evaluation of the scene, for panels, which must not evaluate it.
+
+    depsgraph: one that evaluates the rig. The scene's own omits objects that are disabled in viewports.
+    """
+    camera, target, lights = rig_parts(scene)
+    if depsgraph is not None:
+        camera, target, *lights = [obj.evaluated_get(depsgraph) for obj in (camera, target, *lights)]
+    to_camera = np.array(camera.matrix_world.normalized().to_3x3()).T
+    centre = target.matrix_world.translation
+    directions = np.array([_direction(light, centre) for light in lights])
+    mixing = _mixing(lights, centre)
+    lobes = {_LOBES.get(light.data.type) for light in lights}
+    if len(lobes) > 1 or None in lobes:
+        return LightRig(directions @ to_camera.T, mixing)
+    places = np.array([*(light.matrix_world.translation for light in lights), centre])
+    *positions, target = (places - np.array(camera.matrix_world.translation)) @ to_camera.T
+    return near_rig(positions, target, mixing, lobes.pop() or 0.0)
+
+
+def lights_provenance(scene: Any) -> Provenance:
+    """The lights' positions and brightness as provenance of a photo; empty if they cannot take a photo."""
+    try:
+        rig = last_evaluated_rig(scene)
+    except InputError:
+        return {}
+    return {"Lights": rounded(rig.directions, 3) + rounded(rig.mixing, 3)}
+
+
+def rig_parts(scene: Any) -> tuple[Any, Any, list[Any]]:
+    """The rig's camera, target and three lights. Raises InputError if one is missing."""
+    settings = scene.mps.rig
+    camera = rig_camera(scene)
+    in_scene = set(scene.objects)
+    if settings.target not in in_scene:
+        raise InputError("the rig's target was deleted; add the rig again")
+    lights = [light.object for light in settings.lights]
+    if len(lights) != len(COLOURS):
+        raise InputError(f"the rig has {len(lights)} lights, not a red, a green and a blue one; add the rig again")
+    for colour, light in zip(COLOURS, lights, strict=True):
+        if light is None or light not in in_scene or light.type != "LIGHT":
+            raise InputError(f"the rig's {colour.lower()} light was deleted; add the rig again")
+        if light.hide_render:
+            raise InputError(f"the rig's {colour.lower()} light is hidden from renders; show it again")
+    return camera, settings.target, lights
+
+
+def rig_camera(scene: Any) -> Any:
+    """The rig's camera. Raises InputError if there is none."""
+    settings = scene.mps.rig
+    if not settings.lights:
+        raise InputError("there is no rig in this scene; select the object and add one first")
+    if settings.camera not in set(scene.objects):
+        raise InputError("the rig's camera was deleted; add the rig again")
+    if settings.camera.type != "CAMERA":
+        raise InputError(f'the rig\'s camera "{settings.camera.name}" is not a camera; add the rig again')
+    return settings.camera
+
+
+def _direction(light: Any, centre: Vector) -> Vector:
+    if light.data.type == "SUN":
+        return light.matrix_world.to_3x3().col[2].normalized()
+    direction = light.matrix_world.translation - centre
+    if direction.length < 1e-9:
+        raise InputError(f'light "{light.name}" stands in the rig\'s target; move it away from the object')
+    return direction.normalized()
+
+
+def _mixing(lights: Collection[Any], centre: Vector) -> NDArray[np.float64]:
+    if len({_settings_besides_power(light) for light in lights}) > 1:
+        raise InputError(
+            "the rig's lights differ in spread, normalisation, nodes or whether surfaces see them, so their brightness "
+            "cannot be compared; set these alike"
+        )
+    columns = np.stack([_brightness(light, centre) for light in lights], axis=-1)
+    if columns.max() <= 0:
+        raise InputError("the rig's lights are all black; give them their strength back")
+    return columns / columns.max()
+
+
+def _settings_besides_power(light: Any) -> tuple[Any, ...]:
+    """Settings other than power that change a light's brightness. They do not matter if all three lights share them."""
+    data = light.data
+    emission = [node.inputs for node in data.node_tree.nodes if node.type == "EMISSION"] if data.node_tree else []
+    sockets = [(inputs["Color"], inputs["Strength"]) for inputs in emission]
+    strengths = [(tuple(one.default_value), other.default_value, other.is_linked) for one, other in sockets]
+    spread = data.spread if data.type == "AREA" else math.pi
+    plain = [((1.0, 1.0, 1.0, 1.0), 1.0, False)]
+    return (
+        round(spread, 4),
+        getattr(data, "normalize", True),
+        light.visible_diffuse,
+        None if not getattr(data, "use_nodes", True) or strengths in ([], plain) else str(strengths),
+    )
+
+
+def _brightness(light: Any, centre: Vector) -> NDArray[np.float64]:
+    """(3,) irradiance of the light at the target in red, green and blue, in relative units."""
+    data = light.data
+    colour = np.array(data.color) * data.energy * 2.0**data.exposure
+    if data.use_temperature:
+        colour *= np.array(data.temperature_color)
+    if data.type == "SUN":
+        return colour / math.pi
+    return colour / area_power((light.matrix_world.translation - centre).length) / _WATTS[data.type]
+
+
+def area_power(distance: float) -> float:
+    """Watts of an area light that, at `distance`, gives a facing surface the irradiance of a sun of strength π."""
+    return (math.pi * distance) ** 2

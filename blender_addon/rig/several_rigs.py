@@ -19,10 +19,9 @@ from mpsnet_core.errors import InputError, SettingsError
 from ..operators.core_run import RunContext, RunsCore, idle
 from ..operators.reporting import ReportingOperator
 from ..outputs import requested_folder, unique_name
-from ..scene.objects import by_session_uid
+from ..scene.objects import by_session_uid, temporarily
 from ..scene.surfaces import bounding_sphere
 from ..settings.declared import OF_ONE_RUN, BoolSetting, FloatSetting, IntSetting, setting_names
-from ..settings.messages import in_blender
 from ..settings.scene import STEPS
 from .rig import MPS_OT_add_rig, add_rig, remove_rig
 
@@ -30,35 +29,31 @@ from .rig import MPS_OT_add_rig, add_rig, remove_rig
 _OF_ONE_RIG = {"output", "rig_file", "white", "white_light"}
 
 
-class _OnRigs(bpy.types.Operator):
+class _OnRigs(ReportingOperator):
     """Adds or removes rigs, or chooses one."""
 
     bl_options = {"REGISTER", "UNDO"}
 
     @classmethod
     def poll(cls, context: Any) -> bool:
-        return idle(cls, context)
+        return idle(cls, context) and super().poll(context)
 
 
-class MPS_OT_new_rig(_OnRigs):
+class MPS_OT_new_rig(_OnRigs, bpy.types.Operator):
     """Begin another rig in this scene, with a photo and an estimate of its own; the rigs that are there stay"""
 
-    bl_idname = "mps.new_rig"
     bl_label = "New Rig"
 
-    def execute(self, context: Any) -> set[Any]:
+    def act(self, context: Any) -> None:
         new_rig(context.scene)
-        return {"FINISHED"}
 
 
-class MPS_OT_add_rig_ring(ReportingOperator, bpy.types.Operator):
+class MPS_OT_add_rig_ring(_OnRigs, bpy.types.Operator):
     """Add rigs in a ring around the selected objects, with the settings of the rig; those that are there stay.
 
     The first one looks along +Y, as Blender's front view"""
 
-    bl_idname = "mps.add_rig_ring"
     bl_label = "Add Ring of Rigs"
-    bl_options = {"REGISTER", "UNDO"}
 
     count: IntSetting("Count", "How many rigs stand around the object", default=8, within=(2, 64))
     elevation: FloatSetting(
@@ -69,48 +64,52 @@ class MPS_OT_add_rig_ring(ReportingOperator, bpy.types.Operator):
     )
 
     @classmethod
-    def poll(cls, context: Any) -> bool:
-        return idle(cls, context) and MPS_OT_add_rig.poll(context)
+    def lacks(cls, context: Any) -> str:
+        return MPS_OT_add_rig.lacks(context)
 
     def act(self, context: Any) -> None:
-        add_rig_ring(context, self.count, self.elevation)
+        scene, objects = context.scene, context.view_layer.objects.selected
+        bounding_sphere(context.evaluated_depsgraph_get(), objects)  # raises before any is built
+        for number in range(self.count):
+            if scene.mps.rig.lights:  # else the chosen one was never built, and is the first of them
+                new_rig(scene)
+            add_rig(context)
+            turned = Euler((math.radians(90 - self.elevation), 0, math.tau * number / self.count))
+            target = scene.mps.rig.target
+            target.matrix_world = Matrix.LocRotScale(target.matrix_world.translation, turned, None)
+        context.view_layer.update()
 
 
-class MPS_OT_choose_rig(_OnRigs):
+class MPS_OT_choose_rig(_OnRigs, bpy.types.Operator):
     """Work with this rig, its photo and its estimate"""
 
-    bl_idname = "mps.choose_rig"
     bl_label = "Choose Rig"
     bl_options = {"REGISTER", "UNDO", "INTERNAL"}
 
     index: IntSetting("Number", "Number of the rig in the scene's list, from 0", min=0)
 
-    def execute(self, context: Any) -> set[Any]:
-        count = len(context.scene.mps.rigs)
-        if self.index >= max(count, 1):
-            self.report({"ERROR"}, f"there is no rig {self.index}; this scene has {max(count, 1)}, numbered from 0")
-            return {"CANCELLED"}
+    def act(self, context: Any) -> None:
+        count = max(len(context.scene.mps.rigs), 1)
+        if self.index >= count:
+            raise InputError(f"there is no rig {self.index}; this scene has {count}, numbered from 0")
         context.scene.mps.chosen_rig = self.index
-        return {"FINISHED"}
 
 
-class MPS_OT_drop_rig(_OnRigs):
+class MPS_OT_drop_rig(_OnRigs, bpy.types.Operator):
     """Remove the chosen rig with its lights and its camera; its photo and normals stay as files and images"""
 
-    bl_idname = "mps.drop_rig"
     bl_label = "Remove from List"
 
     @classmethod
-    def poll(cls, context: Any) -> bool:
-        if len(context.scene.mps.rigs) < 2:
-            number = "only one" if context.scene.mps.rig.target else "no"
-            cls.poll_message_set(in_blender(f"There is {number} rig in this scene"))
-            return False
-        return super().poll(context)
+    def lacks(cls, context: Any) -> str:
+        number = "only one" if context.scene.mps.rig.target else "no"
+        return f"There is {number} rig in this scene" if len(context.scene.mps.rigs) < 2 else ""
 
-    def execute(self, context: Any) -> set[Any]:
-        drop_rig(context.scene)
-        return {"FINISHED"}
+    def act(self, context: Any) -> None:
+        mps, index = context.scene.mps, context.scene.mps.chosen_rig
+        remove_rig(context.scene)
+        mps.rigs.remove(index)
+        mps.chosen_rig = max(index - 1, 0)
 
 
 class OnEachRig(RunsCore):
@@ -124,16 +123,11 @@ class OnEachRig(RunsCore):
         "Do this for all rigs of this scene, one after the other, each with its own settings. "
         "Off: for the chosen rig alone",
     )
-    step = ""  # the step in STEPS whose settings it uses
 
     @classmethod
     def description(cls, context: Any, properties: Any) -> str:
         all_rigs = properties.bl_rna.properties["all_rigs"]
         return bpy.app.translations.pgettext_tip(all_rigs.description) if properties.all_rigs else ""
-
-    def begin(self, context: Any) -> None:
-        super().begin(context)
-        self._given = {name for name in _names(self.properties) if self.properties.is_property_set(name)}
 
     def run_contexts(self) -> Sequence[RunContext]:
         scene = by_session_uid(bpy.data.scenes, self._scene_uid)
@@ -141,7 +135,7 @@ class OnEachRig(RunsCore):
             return super().run_contexts()
         if "output" in self._given and requested_folder(self.output) is None:
             raise SettingsError(f"all rigs would write {self.output}; give a folder, with a slash at its end")
-        for one in all_rigs(scene):  # check all before the first starts, because renders share one copy of the file
+        for one in scene.mps.rigs:  # check all before the first starts, because renders share one copy of the file
             group = getattr(one, self.step)
             for name in self._given.intersection(setting_names(group)) - OF_ONE_RUN:
                 setattr(group, name, getattr(self, name))
@@ -155,13 +149,11 @@ class OnEachRig(RunsCore):
             yield
             return
         self._rig_place, self._whose = place, f"{scene.mps.rigs[place].name}: "
-        for name in set(_names(self.properties)) - self._given:  # values of the previous rig
-            self.properties.property_unset(name)
-        chosen, scene.mps.chosen_rig = scene.mps.chosen_rig, place
-        try:
+        for one in self.properties.bl_rna.properties:
+            if one.identifier not in {"rna_type", *self._given}:  # a value of the previous rig
+                self.properties.property_unset(one.identifier)
+        with temporarily((scene.mps, "chosen_rig", place)):
             yield
-        finally:
-            scene.mps.chosen_rig = chosen
 
 
 def new_rig(scene: Any) -> None:
@@ -184,52 +176,6 @@ def _free_name(taken: set[str]) -> str:
     return next(name for number in count(1) if (name := f"Rig {number}") not in taken)
 
 
-def add_rig_ring(context: Any, count: int, elevation: float) -> None:
-    """Build rigs around the selected objects, with cameras evenly spaced around the vertical axis.
-
-    elevation: of the cameras above the horizon, in degrees. If the chosen rig was never built, it becomes the first of
-    them. The last one is chosen at the end.
-
-    Raises InputError if nothing with a surface is selected.
-    """
-    scene = context.scene
-    bounding_sphere(
-        context.evaluated_depsgraph_get(), context.view_layer.objects.selected
-    )  # rejected before any is built
-    for number in range(count):
-        if scene.mps.rig.lights:
-            new_rig(scene)
-        add_rig(context)
-        turned = Euler((math.radians(90 - elevation), 0, math.tau * number / count))
-        target = scene.mps.rig.target
-        target.matrix_world = Matrix.LocRotScale(target.matrix_world.translation, turned, None)
-    context.view_layer.update()
-
-
-def drop_rig(scene: Any) -> None:
-    """Remove the chosen rig's objects and its list entry, and choose the previous rig."""
-    mps, index = scene.mps, scene.mps.chosen_rig
-    remove_rig(scene)
-    mps.rigs.remove(index)
-    mps.chosen_rig = max(index - 1, 0)
-
-
-def all_rigs(scene: Any) -> list[Any]:
-    """The settings group with ``rig``, ``photo`` and ``estimate`` of each of the scene's rigs, in the list's order."""
-    return list(scene.mps.rigs) or [scene.mps.chosen]
-
-
-def rig_at(scene: Any, place: int, result: object) -> Any:
-    """The settings group with ``rig``, ``photo`` and ``estimate`` at a position in the scene's list of rigs.
-
-    Raises InputError if it no longer exists. result: what it would have received, and where that is now.
-    """
-    rigs = all_rigs(scene)
-    if place >= len(rigs):
-        raise InputError(f"the rig that this was made for is gone; {result}")
-    return rigs[place]
-
-
 def result_name(scene: Any, what: str) -> str:
     """File name for a result of the chosen rig, distinct between .blend files, scenes and rigs."""
     parts = [Path(bpy.data.filepath).stem] if bpy.data.filepath else []
@@ -237,7 +183,3 @@ def result_name(scene: Any, what: str) -> str:
     if len(scene.mps.rigs) > 1:
         parts.append(unique_name([one.name for one in scene.mps.rigs], scene.mps.chosen_rig))
     return "_".join([*parts, what])
-
-
-def _names(group: Any) -> list[str]:
-    return [one.identifier for one in group.bl_rna.properties if one.identifier != "rna_type"]

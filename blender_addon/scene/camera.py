@@ -35,13 +35,9 @@ def scene_camera(camera: Any, scene: Any, size: tuple[int, int] | None = None) -
     else:
         (width, height), aspect = size, np.ones(2)
     extent = np.array([width, height]) * aspect
-    fit = data.sensor_fit
-    if fit == "AUTO":
-        fit = "HORIZONTAL" if extent[0] >= extent[1] else "VERTICAL"
-        sensor = data.sensor_width
-    else:
-        sensor = data.sensor_width if fit == "HORIZONTAL" else data.sensor_height
-    fitted = extent[0] if fit == "HORIZONTAL" else extent[1]
+    across = data.sensor_fit == "HORIZONTAL" or (data.sensor_fit == "AUTO" and extent[0] >= extent[1])
+    sensor = data.sensor_height if data.sensor_fit == "VERTICAL" else data.sensor_width
+    fitted = extent[0 if across else 1]
     per_unit = fitted / data.ortho_scale if data.type == "ORTHO" else fitted * data.lens / sensor
     shift = np.array([data.shift_x, -data.shift_y]) * fitted / aspect
     return Camera(

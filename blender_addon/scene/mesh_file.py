@@ -4,10 +4,8 @@ It is read at once, so later changes to the object do not matter, and written in
 responsive.
 """
 
-import ctypes
 import zipfile
-from collections.abc import Generator, Iterable, Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Generator, Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -21,7 +19,8 @@ from mpsnet_core.errors import GeometryError
 from mpsnet_core.scene.mesh import Mesh, join_meshes
 
 from ..appearance.modifiers import DISPLACE, SMOOTHNESS, SUBDIVISION, find_modifier
-from .surfaces import SURFACES, world_scale
+from .objects import temporarily
+from .surfaces import SURFACES, values_of, world_scale
 
 # Settings of modifiers for the viewport, and their counterparts for renders.
 _SHOWN_AND_RENDERED = (
@@ -79,7 +78,7 @@ def begin_mesh(path: Path, obj: Any, depsgraph: Any, uv_map: str | None, turn: M
         obj.update_from_editmode()
     if obj.mode == "EDIT" or bpy.app.background:  # scripts may not tag their changes; tagging causes a redraw
         obj.data.update_tag()
-    with _without_simplify(depsgraph.scene), as_rendered(obj):
+    with temporarily((depsgraph.scene.render, "use_simplify", False), *as_rendered(obj)):
         depsgraph.update()
         evaluated = obj.evaluated_get(depsgraph)
         if not evaluated.is_evaluated:
@@ -94,18 +93,16 @@ def begin_mesh(path: Path, obj: Any, depsgraph: Any, uv_map: str | None, turn: M
                 raise GeometryError(_lacking(obj, "no faces", "choose an object with a surface", obj.data.polygons))
             if uv_map is not None:
                 uv_map = _uv_map(obj, mesh, uv_map)
-            polygons = _read(mesh.loop_triangle_polygons, "value", 1, np.int32).ravel()
+            polygons = values_of(mesh.loop_triangle_polygons, "value", 1, np.int32).ravel()
             names = _material_arrays(mesh, obj, polygons)
             vertices, of_corner, normals, corners = _shape(mesh)
             if uv_map is None:
                 uvs, in_uvs = np.array([[0, 0], [1, 0], [0, 1]], np.float32), np.zeros_like(corners) + np.arange(3)
             else:
-                uvs, in_uvs = _read(mesh.uv_layers[uv_map].uv, "vector", 2), corners
+                uvs, in_uvs = values_of(mesh.uv_layers[uv_map].uv, "vector", 2), corners
         finally:
             evaluated.to_mesh_clear()
     arrays: dict[str, _Array] = {
-        "format": np.array("mpsnet-mesh"),
-        "version": np.array(1),
         "world_from_object": np.array(turn @ obj.matrix_world if turn else obj.matrix_world, dtype=np.float64),
         "triangle_polygon": polygons,
         **names,
@@ -146,16 +143,8 @@ def write_surfaces(path: Path, depsgraph: Any, objects: Iterable[Any]) -> None:
     if not meshes:
         raise GeometryError("no object of the photo has a surface; show the object, also in renders")
     joined = join_meshes(meshes)
-    arrays: dict[str, _Array] = {
-        "format": np.array("mpsnet-mesh"),
-        "version": np.array(1),
-        "world_from_object": joined.world_from_object,
-        "vertices": joined.vertices,
-        "triangles": joined.triangles,
-        "corner_normals": joined.corner_normals,
-        "uvs": joined.uvs,
-    }
-    for _ in _written(path, arrays):
+    names = ("world_from_object", "vertices", "triangles", "corner_normals", "uvs")
+    for _ in _written(path, {name: getattr(joined, name) for name in names}):
         pass
 
 
@@ -164,9 +153,10 @@ _Array = NDArray[Any] | tuple[NDArray[Any], NDArray[np.integer[Any]]]
 
 
 def _written(path: Path, arrays: Mapping[str, _Array]) -> Slices:
-    """Write arrays like ``np.savez``, some rows at a time."""
+    """Write arrays as a mesh file like ``np.savez``, some rows at a time."""
+    head = {"format": np.array("mpsnet-mesh"), "version": np.array(1)}
     with zipfile.ZipFile(path, "w") as archive:
-        for name, array in arrays.items():
+        for name, array in {**head, **arrays}.items():
             values, rows = array if isinstance(array, tuple) else (array, None)
             whole = np.atleast_1d(values) if rows is None else rows
             shape = values.shape if rows is None else (*rows.shape, *values.shape[1:])
@@ -179,45 +169,21 @@ def _written(path: Path, arrays: Mapping[str, _Array]) -> Slices:
                     yield False
 
 
-@contextmanager
-def _without_simplify(scene: Any) -> Iterator[None]:
-    """Within the with block, the scene's Simplify is off, as in the photo."""
-    before = scene.render.use_simplify
-    if before:
-        scene.render.use_simplify = False
-    try:
-        yield
-    finally:
-        if before:
-            scene.render.use_simplify = True
-
-
-@contextmanager
-def as_rendered(obj: Any) -> Iterator[None]:
-    """Within the with block, the object's modifiers have their render settings in the viewport's dependency graph.
+def as_rendered(obj: Any) -> list[tuple[Any, str, Any]]:
+    """The render settings of an object's modifiers as those of the viewport, for :func:`.temporarily`.
 
     The add-on's own displacement is off.
     """
-    changed = []
-    try:
-        for modifier in obj.modifiers:
-            if modifier in [find_modifier(obj, name) for name in (SMOOTHNESS, SUBDIVISION, DISPLACE)]:
-                wanted = {"show_viewport": False}
-            else:
-                wanted = {
-                    shown: getattr(modifier, rendered)
-                    for shown, rendered in _SHOWN_AND_RENDERED
-                    if hasattr(modifier, shown) and hasattr(modifier, rendered)
-                }
-            for shown, value in wanted.items():
-                before = getattr(modifier, shown)
-                if before != value:  # setting a property, even to its own value, redraws the object
-                    changed.append((modifier, shown, before))
-                    setattr(modifier, shown, value)
-        yield
-    finally:
-        for modifier, shown, value in changed:
-            setattr(modifier, shown, value)
+    own = [find_modifier(obj, name) for name in (SMOOTHNESS, SUBDIVISION, DISPLACE)]
+    settings: list[tuple[Any, str, Any]] = []
+    for modifier in obj.modifiers:
+        if modifier in own:
+            settings.append((modifier, "show_viewport", False))
+            continue
+        for shown, rendered in _SHOWN_AND_RENDERED:
+            if hasattr(modifier, shown) and hasattr(modifier, rendered):
+                settings.append((modifier, shown, getattr(modifier, rendered)))
+    return settings
 
 
 def slot_labels(obj: Any) -> list[str]:
@@ -238,15 +204,13 @@ def _material_arrays(mesh: Any, obj: Any, polygons: NDArray[np.int32]) -> dict[s
     labels = labels or [_label(None, obj)]
     of_polygon = np.zeros(len(mesh.polygons), np.int32)
     if "material_index" in mesh.attributes:  # much faster than the triangles' own
-        mesh.attributes["material_index"].data.foreach_get("value", of_polygon)
+        of_polygon = values_of(mesh.attributes["material_index"].data, "value", 1, np.int32).ravel()
     names = list(dict.fromkeys(labels))
     slots = np.array([names.index(label) for label in labels], np.int32)
+    of_polygon = np.minimum(of_polygon, len(slots) - 1)  # as Blender clamps indices beyond the last slot
     return {
         "materials": np.array(names, str),
-        "triangle_material": (
-            slots[np.minimum(of_polygon, len(slots) - 1)],
-            polygons,
-        ),  # Blender clamps indices beyond the last slot, too
+        "triangle_material": (slots[of_polygon], polygons),
         "objects": np.array([obj.name], str),
         "triangle_object": np.broadcast_to(np.int32(0), polygons.shape),
     }
@@ -278,30 +242,8 @@ def _uv_map(obj: Any, mesh: Any, name: str) -> str:
 def _shape(mesh: Any) -> tuple[NDArray[Any], ...]:
     """A mesh's vertices (V, 3), its corners' vertices (C,) and normals (C, 3), and its triangles' corners (T, 3)."""
     return (
-        _read(mesh.attributes["position"].data, "vector", 3),
-        _read(mesh.attributes[".corner_vert"].data, "value", 1, np.int32).ravel(),
-        _read(mesh.corner_normals, "vector", 3),
-        _triangle_corners(mesh),
+        values_of(mesh.attributes["position"].data, "vector", 3),
+        values_of(mesh.attributes[".corner_vert"].data, "value", 1, np.int32).ravel(),
+        values_of(mesh.corner_normals, "vector", 3),
+        values_of(mesh.loop_triangles, "loops", 3, np.int32),
     )
-
-
-def _read(elements: Any, attribute: str, width: int, kind: type = np.float32) -> NDArray[Any]:
-    values: NDArray[Any] = np.empty(len(elements) * width, kind)
-    elements.foreach_get(attribute, values)
-    return values.reshape(-1, width)
-
-
-def _triangle_corners(mesh: Any) -> NDArray[np.int32]:
-    """(T, 3) corners of Blender's own triangles, the same as by ``foreach_get``.
-
-    `foreach_get` goes from triangle to triangle and blocks the window for 0.08 s per million. The triangles are
-    contiguous in memory, which their addresses confirm; if a Blender stores them differently, `foreach_get` reads them.
-    """
-    triangles = mesh.loop_triangles
-    count, first, last = len(triangles), triangles[0], triangles[-1]
-    address, triangle = first.as_pointer(), ctypes.c_int32 * 3
-    if last.as_pointer() - address == (count - 1) * ctypes.sizeof(triangle):
-        found = np.array((triangle * count).from_address(address), np.int32)
-        if (found[[0, -1]] == [first.loops[:], last.loops[:]]).all():
-            return found
-    return _read(triangles, "loops", 3, np.int32)

@@ -1,11 +1,28 @@
-"""Look-up of objects in a scene: by session UID, by name, and by visibility in a render."""
+"""Objects of a scene by session UID, by name and by visibility in a render, and settings that change for a while."""
 
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
+from contextlib import contextmanager
 from typing import Any
 
 import bpy
 
 from mpsnet_core.errors import InputError
+
+
+@contextmanager
+def temporarily(*settings: tuple[Any, str, Any]) -> Iterator[None]:
+    """Within the with block, settings have other values: each is an owner, a name and a value."""
+    changed = []
+    try:
+        for owner, name, value in settings:
+            before = getattr(owner, name)
+            if before != value:  # setting a property, even to its own value, redraws what it belongs to
+                changed.append((owner, name, before))
+                setattr(owner, name, value)
+        yield
+    finally:
+        for owner, name, before in changed:
+            setattr(owner, name, before)
 
 
 def by_session_uid(datablocks: Any, session_uid: int) -> Any:
@@ -37,6 +54,21 @@ def refuse_unselectable(obj: Any) -> None:
     """Raise InputError if Blender does not let an object be selected."""
     if obj.hide_select or not obj.visible_get():
         raise InputError(f'"{obj.name}" is hidden or not selectable; show it first')
+
+
+def remove_object(obj: Any) -> None:
+    """Remove an object from the file, and its data unless something else uses them."""
+    data = obj.data
+    bpy.data.objects.remove(obj)
+    if data is not None and not data.users:
+        bpy.data.batch_remove([data])
+
+
+def select(layer: Any, objects: Collection[Any], active: Any) -> None:
+    """Let these objects of a view layer be selected alone, and one be the active one."""
+    for one in layer.objects:
+        one.select_set(one in objects)
+    layer.objects.active = active
 
 
 def target_of(context: Any) -> Any:

@@ -18,6 +18,13 @@ _STAMPED = 500  # vertices and corners
 SURFACES = {"MESH", "CURVE", "SURFACE", "META", "FONT"}
 
 
+def values_of(elements: Any, name: str, width: int, kind: type = np.float32) -> NDArray[Any]:
+    """(N, width) the values of that name of a mesh's elements."""
+    values: NDArray[Any] = np.empty(len(elements) * width, kind)
+    elements.foreach_get(name, values)
+    return values.reshape(-1, width)
+
+
 def middle_of(obj: Any) -> Vector:
     """The centre of an object's bounding box, in world space. The origin of a scan may be far from its surface."""
     return obj.matrix_world @ (sum(map(Vector, obj.bound_box), Vector()) / 8)
@@ -81,19 +88,11 @@ def surfaces(depsgraph: Any, objects: Iterable[Any]) -> Iterator[tuple[Any, NDAr
     wanted = set(objects)
     for instance in depsgraph.object_instances:
         owner = (instance.parent or instance.object).original
-        points = _vertices(instance.object) if owner in wanted else ()
+        if owner not in wanted or instance.object.type not in SURFACES:
+            continue
+        mesh = instance.object.to_mesh()
+        points = values_of(mesh.vertices, "co", 3).astype(np.float64) if mesh is not None else ()
+        instance.object.to_mesh_clear()
         if len(points):
             matrix = np.array(instance.matrix_world)
             yield owner, points @ matrix[:3, :3].T + matrix[:3, 3]
-
-
-def _vertices(evaluated: Any) -> NDArray[np.float64]:
-    if evaluated.type not in SURFACES:
-        return np.empty((0, 3))
-    mesh = evaluated.to_mesh()
-    if mesh is None:
-        return np.empty((0, 3))
-    flat = np.empty(3 * len(mesh.vertices), np.float32)
-    mesh.vertices.foreach_get("co", flat)
-    evaluated.to_mesh_clear()
-    return flat.reshape(-1, 3).astype(np.float64)

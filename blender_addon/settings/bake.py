@@ -1,11 +1,11 @@
-"""The bake's settings."""
+"""Settings of the bake, of one view and of many, and the state that relighting restores when it ends."""
 
 from typing import Any
 
 import bpy
 from bpy.props import CollectionProperty, StringProperty
 
-from mpsnet_core.bake.operations import Bake
+from mpsnet_core.bake.operations import Bake, BakeViews
 from mpsnet_core.bake.presets import PRESETS
 from mpsnet_core.defaults import LEVEL_SCALE, MARGIN, MAX_LEVEL_SCALE, MAX_TEXTURE_SIZE, MIN_LEVEL_SCALE, TEXTURE_SIZE
 
@@ -23,6 +23,7 @@ from .declared import (
     object_pointer,
 )
 from .messages import OWN_SENSE
+from .rig import MPS_PG_light
 
 # The bit depths of each format.
 _BITS = {"PNG": {"AUTO", "8", "16"}, "TIFF": {"AUTO", "8", "16", "32"}, "EXR": {"AUTO", "16", "32"}}
@@ -187,3 +188,51 @@ class MPS_PG_bake(BakeSettings, bpy.types.PropertyGroup):
     shading: StringProperty(
         name="Shading", description="Viewport that shows the coverage, and how it was shaded before, as JSON"
     )
+
+
+class ViewsSettings:
+    """Photos from all around with their cameras, and how they are baked into one texture."""
+
+    cameras: from_option(BakeViews, "cameras", unset="this scene's cameras, each with its photo as background image")
+    photos: from_option(BakeViews, "photos", unset="")
+    white: from_option(BakeViews, "white", name="White Photos", unset="no albedo is baked")
+    axes: EnumSetting(
+        "Mesh Import",
+        "How the photogrammetry program's mesh came into Blender, so that mesh and cameras meet",
+        items=[
+            ("Y_UP", "Y Up", "Turned from Y up to Z up, as Blender's importers of OBJ and glTF do by default"),
+            ("AS_IS", "As It Is", "With forward Y and up Z, as Blender's importer of PLY does"),
+        ],
+    )
+    lights_in: from_option(
+        BakeViews, "lights_in", name="Lights", labels={"camera": "Go With the Camera", "world": "Stand Still"}
+    )
+    level: detail_only(default=True)
+    level_scale: cut_off()
+    keep: from_option(BakeViews, "keep", name="Keep Normals")
+    write_report: from_option(BakeViews, "report", switch=True, default=True, translation_context=OWN_SENSE)
+
+
+class MPS_PG_views(ViewsSettings, bpy.types.PropertyGroup):
+    """Many views: their settings, and the report of the last bake."""
+
+    report_file: StringProperty()
+
+
+class MPS_PG_relight(bpy.types.PropertyGroup):
+    """The white lamp that swings around the result, while it is there."""
+
+    neutral: BoolSetting(
+        "Neutral Material",
+        "From the next Relight on, show objects in grey whose albedo was not baked, so that colours do not hide their "
+        "relief. Their own materials stay as they are",
+        default=True,
+    )
+    overlays: CollectionProperty(
+        name="Overlays", description="The copies in neutral materials, while they are shown", type=MPS_PG_overlay
+    )
+    pivot: object_pointer("Pivot", "Empty that the lamp swings around")
+    lamp: object_pointer("Lamp", "The lamp, while it is there")
+    hidden: CollectionProperty(name="Hidden", description="The rigs' lights that it hid", type=MPS_PG_light)
+    view_layer: StringProperty(name="View Layer", description="Where it hid them")
+    shading: StringProperty(name="Shading", description="How the viewport was shaded before, as JSON")

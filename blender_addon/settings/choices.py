@@ -39,7 +39,8 @@ def choices(scene: Any) -> dict[str, Any]:
     return {path: value for path, value in found.items() if not path.startswith(_OF_ONE_PHOTO)}
 
 
-def save_choices() -> None:
+@persistent
+def save_choices(*_: Any) -> None:
     """Store the choices that were changed since the file was opened in the preferences."""
     preferences, scene = _preferences(), bpy.context.scene
     if preferences is None or not preferences.remember or scene.session_uid not in _opened:
@@ -51,7 +52,8 @@ def save_choices() -> None:
         bpy.context.preferences.is_dirty = True  # otherwise Blender would not save them when it quits
 
 
-def restore_choices() -> None:
+@persistent
+def restore_choices(*_: Any) -> None:
     """Apply the stored choices to scenes in which nothing was ever set."""
     preferences = _preferences()
     kept = from_json(preferences.remembered, dict) if preferences is not None and preferences.remember else {}
@@ -85,17 +87,14 @@ def _is_any_set(group: Any) -> bool:
     for one in group.bl_rna.properties:
         if one.identifier in {"rna_type", "way"}:  # the way counts as set even if nobody chose it
             continue
-        value = getattr(group, one.identifier)
-        if isinstance(value, bpy.types.PropertyGroup):
-            if _is_any_set(value):
-                return True
-        elif one.identifier == "rigs":
-            if any(map(_is_any_set, value)):
-                return True
-        elif one.type in {"POINTER", "COLLECTION"}:  # these count as set from the start
-            if value:
-                return True
-        elif group.is_property_set(one.identifier):
+        value: Any = getattr(group, one.identifier)
+        if one.type == "COLLECTION":
+            found = any(map(_is_any_set, value))
+        elif one.type == "POINTER":  # it counts as set from the start
+            found = _is_any_set(value) if isinstance(value, bpy.types.PropertyGroup) else bool(value)
+        else:
+            found = group.is_property_set(one.identifier)
+        if found:
             return True
     return False
 
@@ -106,20 +105,10 @@ def _preferences() -> Any:
     return addon.preferences if addon is not None else None
 
 
-@persistent
-def _leave(*_: Any) -> None:
-    save_choices()
-
-
-@persistent
-def _open(*_: Any) -> None:
-    restore_choices()
-
-
 # Without a window there are only scripts: they set their own values, and must not depend on the user's. exit_pre exists
 # from Blender 5.1 on.
-_IN_WINDOW = {"load_pre": _leave, "save_pre": _leave, "exit_pre": _leave, "load_post": _open}
-HANDLERS = {} if bpy.app.background else _IN_WINDOW
+_LEAVING = dict.fromkeys(("load_pre", "save_pre", "exit_pre"), save_choices)
+HANDLERS = {} if bpy.app.background else {**_LEAVING, "load_post": restore_choices}
 TIMERS = (restore_choices,)
 
 

@@ -176,10 +176,15 @@ def setting_names(group: Any) -> list[str]:
     return [one.identifier for one in group.bl_rna.properties if one.is_skip_save]
 
 
+def _made_of(group: Any) -> dict[str, str]:
+    """The options that the settings of a group were made of, by the settings' names."""
+    declared = {name: one for part in type(group).__mro__ for name, one in inspect.get_annotations(part).items()}
+    return {name: _OPTIONS[id(one)][0] for name, one in declared.items() if id(one) in _OPTIONS}
+
+
 def option_of_setting(group: Any, option: str) -> str:
     """The name of the setting of a group that was made of an option, or has its name; "" if there is none."""
-    declared = {name: one for part in type(group).__mro__ for name, one in inspect.get_annotations(part).items()}
-    made = (name for name, one in declared.items() if _OPTIONS.get(id(one), ("",))[0] == option)
+    made = (name for name, of in _made_of(group).items() if of == option)
     return next(made, option if option in setting_names(group) else "")
 
 
@@ -202,9 +207,7 @@ def options_of(
     """
     found = {}
     known = {setting.name: setting for setting in settings(operation)}
-    declarations = [one for part in type(group).__mro__ for one in inspect.get_annotations(part).items()]
-    for name, declared in declarations:
-        option, _ = _OPTIONS.get(id(declared), ("", None))
+    for name, option in _made_of(group).items():
         if option in known and option not in ("output", *without) and (not only or option in only):
             value = _core_value(known[option], getattr(group, name))
             if value is not None:

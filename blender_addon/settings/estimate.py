@@ -1,16 +1,19 @@
-"""The estimate's settings."""
+"""Settings of the estimate, and of flat materials, which estimate normals, too."""
 
 import bpy
 from bpy.props import IntProperty, StringProperty
 
+from mpsnet_core.defaults import BY_PHOTO
 from mpsnet_core.estimate.operations import Estimate
 from mpsnet_core.estimate.registry import OLD_NAMES, known_models
+from mpsnet_core.relief.operations import MakeMaterial
 
 from .declared import (
     BoolSetting,
     EnumSetting,
     FloatSetting,
     InputSetting,
+    IntSetting,
     format_setting,
     from_option,
     identifier,
@@ -20,6 +23,12 @@ from .declared import (
 
 MODELS = {identifier(entry.name): entry for entry in known_models()}
 MODEL_ITEMS = [(name, entry.label, entry.title, entry.number) for name, entry in MODELS.items()]
+_AUTO = (
+    identifier(BY_PHOTO),
+    "Automatic",
+    "Equation 2 where the photo shows a matt material, the default network where it shows a glossy one",
+    10,
+)
 # What presets and scripts of earlier versions set. The menus do not list it, and the setting then has its new name.
 MODEL_ITEMS += [
     (identifier(old), *MODEL_ITEMS[[*MODELS].index(identifier(name))][1:]) for old, name in OLD_NAMES.items()
@@ -111,3 +120,50 @@ class MPS_PG_estimate(EstimateSettings, bpy.types.PropertyGroup):
     )
     albedo_image: image_pointer("Albedo", "The surface's colour")
     image: image_pointer("Normals", "Normal map in camera space")
+
+
+class MaterialSettings:
+    """How a photo of a flat material becomes a seamless one."""
+
+    width: FloatSetting(
+        "Photo Width",
+        "What the photo's whole width measures on the material, in this scene's unit. "
+        "0: by the orthographic camera that the photo was rendered with",
+        precision=4,
+        subtype="DISTANCE",
+        within=(0.0, 1e6),
+    )
+    crop_left: IntSetting("Left", "Pixels to leave out at the photo's left edge", min=0)
+    crop_right: IntSetting("Right", "Pixels to leave out at the photo's right edge", min=0)
+    crop_top: IntSetting("Top", "Pixels to leave out at the photo's top", min=0)
+    crop_bottom: IntSetting("Bottom", "Pixels to leave out at the photo's bottom", min=0)
+    model: from_option(MakeMaterial, "model", items=[*MODEL_ITEMS, _AUTO])
+    size: from_option(MakeMaterial, "size")
+    overlap: from_option(MakeMaterial, "overlap")
+    bend: from_option(MakeMaterial, "bend", name="Flatten")
+    grey: from_option(MakeMaterial, "grey", name="Grey Albedo")
+    relief: EnumSetting(
+        "Relief",
+        "How the material shows its relief in Blender",
+        items=[
+            ("NORMAL", "Normal Map", "Light falls as on the relief; the surface itself stays flat"),
+            (
+                "DISPLACEMENT",
+                "Displacement",
+                "The surface itself is displaced by the true height in Cycles, and what is finer than its faces is "
+                "a bump",
+            ),
+        ],
+    )
+    repeats: IntSetting(
+        "Repeats", "How many tiles wide and high the plane is that shows the material", default=1, within=(1, 1000)
+    )
+    output: from_option(MakeMaterial, "output", name="Folder", unset="a folder of its own in the output folder")
+
+
+class MPS_PG_material(MaterialSettings, bpy.types.PropertyGroup):
+    """A flat material: its settings, and what shows it once it is there."""
+
+    plane: object_pointer("Plane", "The plane that shows the material")
+    image: image_pointer("Preview", "The material, repeated")
+    summary: StringProperty(name="Made", description="Size, depth and seam of the material that was made")

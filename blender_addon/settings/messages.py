@@ -82,7 +82,7 @@ def in_blender(message: str) -> str:
     if bpy.context.preferences.view.use_translate_interface:
         message = recognised(message, bpy.app.translations.locale)
     for hint in (_ALL_OPTIONS, _OR_OPTION):
-        message = hint.sub(lambda found: found[0] if _known(found[0]) else "", message)
+        message = hint.sub(lambda found: found[0] if {*re.findall(_FLAG, found[0])} <= _LABELS.keys() else "", message)
     return _OPTION.sub(_field, _COMMAND.sub(_button, message))
 
 
@@ -137,10 +137,6 @@ def options_in(note: Note) -> list[str]:
 def _word(value: Any) -> Any:
     """A value of a note; a single word, as of a colour, in the language of the panel."""
     return iface(value, OWN_SENSE) if isinstance(value, str) else value
-
-
-def _known(options: str) -> bool:
-    return all(flag in _LABELS for flag in re.findall(_FLAG, options))
 
 
 def _field(found: re.Match[str]) -> str:

@@ -1,5 +1,6 @@
 """Storage of settings in the scene and in photos, and of the running job in the window manager."""
 
+from operator import attrgetter
 from typing import Any
 
 import bpy
@@ -16,21 +17,14 @@ from bpy.props import (
 
 from ..child_process.trust import is_ticked, tick
 from ..image_records import MADE_BY, remembered
-from .align import MPS_PG_align, MPS_PG_image
-from .bake import MPS_PG_bake
-from .calibrate import MPS_PG_calibrate
+from .bake import MPS_PG_bake, MPS_PG_relight, MPS_PG_views
 from .declared import BoolSetting
-from .displace import MPS_PG_displace
-from .estimate import MPS_PG_estimate
-from .heights import MPS_PG_heights
-from .material import MPS_PG_material
-from .photo import MPS_PG_photo
+from .estimate import MPS_PG_estimate, MPS_PG_material
+from .heights import MPS_PG_displace, MPS_PG_heights
+from .photo import MPS_PG_align, MPS_PG_calibrate, MPS_PG_image, MPS_PG_photo, MPS_PG_superpose
 from .record import OF_ONE_RIG, MPS_PG_record
-from .relight import MPS_PG_relight
 from .rig import MPS_PG_rig
 from .samples import MPS_PG_samples
-from .superpose import MPS_PG_superpose
-from .views import MPS_PG_views
 
 _PHOTOGRAPH, _RENDER = range(2)
 _CHOSEN = "mpsnet_way"
@@ -105,19 +99,13 @@ class MPS_PG_scene(bpy.types.PropertyGroup):
         return self.rigs[min(self.chosen_rig, len(self.rigs) - 1)]
 
     @property
-    def rig(self) -> Any:
-        """The chosen rig's settings and objects."""
-        return self.chosen.rig
+    def every_rig(self) -> list[Any]:
+        """The groups with ``rig``, ``photo`` and ``estimate`` of all rigs, in the list's order."""
+        return list(self.rigs) or [self.chosen]
 
-    @property
-    def photo(self) -> Any:
-        """The chosen rig's photo."""
-        return self.chosen.photo
-
-    @property
-    def estimate(self) -> Any:
-        """The normals of the chosen rig's photo."""
-        return self.chosen.estimate
+    rig = property(attrgetter("chosen.rig"), doc="The chosen rig's settings and objects.")
+    photo = property(attrgetter("chosen.photo"), doc="The chosen rig's photo.")
+    estimate = property(attrgetter("chosen.estimate"), doc="The normals of the chosen rig's photo.")
 
 
 class MPS_PG_job(bpy.types.PropertyGroup):

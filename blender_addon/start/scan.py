@@ -8,7 +8,7 @@ import bpy
 from bpy.props import CollectionProperty, StringProperty
 from bpy_extras.view3d_utils import region_2d_to_origin_3d, region_2d_to_vector_3d
 
-from mpsnet_core.calibrate.mesh_operation import POOR
+from mpsnet_core.calibrate.operations import POOR
 from mpsnet_core.capture.colourfulness import colourfulness
 from mpsnet_core.errors import InputError, Note
 from mpsnet_core.io.files import PHOTO_SUFFIXES

@@ -23,7 +23,7 @@ from mpsnet_core.synthesis.job import (
 )
 from mpsnet_core.synthesis.operations import MakeSamples, Synthesize
 
-from ..child_process.file_copy import save_copy
+from ..child_process.linked_data import save_copy
 from ..child_process.trust import python_drivers
 from ..images import fine_preview, load_image
 from ..operators.core_run import RunsCore
@@ -41,7 +41,6 @@ class MPS_OT_render_samples(RunsCore, SamplesSettings, bpy.types.Operator):
 
     What the folder holds already is not rendered again: after a stop, run it again and it goes on"""
 
-    bl_idname = "mps.render_samples"
     bl_label = "Render Samples"
 
     # Not stored in the scene: a .blend file must not name hosts that this machine connects to.

@@ -134,9 +134,8 @@ class ViewReader:
         estimated = replace(view, normals=normals)
         if not self.correction_scale or (self.agreed and not normals.expected_error):
             return estimated, estimated, None, shares
-        correction = find_low_frequency_correction(
-            normals, view.camera, mesh, scene, scale=self.correction_scale, agreed=self.agreed
-        )
+        how = self.correction_scale, self.agreed
+        correction = find_low_frequency_correction(normals, view.camera, mesh, scene, *how)
         levelled = replace(view, normals=apply_low_frequency_correction(normals, correction))
         return estimated, levelled, correction, shares
 

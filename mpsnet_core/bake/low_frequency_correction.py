@@ -111,18 +111,12 @@ def correct_low_frequencies(
     With `agreed`, r is multiplied by ``e² / (e² + r²)``: the mean of r² around the point, and of half the squared
     expected error. That shrinks r towards the estimate, as James and Stein's estimator does (1961).
     """
-    correction = find_low_frequency_correction(normals, camera, mesh, scene, scale=scale, agreed=agreed)
+    correction = find_low_frequency_correction(normals, camera, mesh, scene, scale, agreed)
     return apply_low_frequency_correction(normals, correction)
 
 
 def find_low_frequency_correction(
-    normals: NormalMap,
-    camera: Camera,
-    mesh: Mesh,
-    scene: RayScene | None = None,
-    *,
-    scale: float = LEVEL_SCALE,
-    agreed: bool = False,
+    normals: NormalMap, camera: Camera, mesh: Mesh, scene: RayScene | None, scale: float, agreed: bool
 ) -> LowFrequencyCorrection:
     """The rotations that :func:`correct_low_frequencies` applies. The parameters are the same."""
     if not MIN_LEVEL_SCALE <= scale <= MAX_LEVEL_SCALE:

@@ -10,7 +10,7 @@ from mpsnet_core.bake.presets import PRESETS, check_preset
 from mpsnet_core.capture.operations import ReadsPhotos
 from mpsnet_core.errors import SettingsError
 from mpsnet_core.estimate.operations import RunsModel
-from mpsnet_core.operation import Result, option, optional, output_option
+from mpsnet_core.operation import Result, convention_option, option, optional, output_option
 from mpsnet_core.progress import Progress, silent
 from mpsnet_core.scene.operations import TakesMesh
 
@@ -146,9 +146,7 @@ class BakesDetail(MakesTextures):
         path="file",
         provenance="files",
     )
-    onto_convention: Literal["opengl", "directx"] = option(
-        default="opengl", choices=defaults.CONVENTIONS, help="which way the green channel of the existing map points"
-    )
+    onto_convention: Literal["opengl", "directx"] = convention_option(default="opengl", of="the existing map")
     onto_shown: Literal["auto", "yes", "no"] = option(
         default="auto",
         choices={
@@ -263,10 +261,8 @@ class Bake(BakesDetail):
         help="camera file and its normal map; normals/frame_####.png for a sequence",
         provenance="none",  # recorded per texture
     )
-    normals_convention: Literal["opengl", "directx"] = option(
-        default="opengl",
-        choices=defaults.CONVENTIONS,
-        help="which way the green channel of the normal maps that are read points",
+    normals_convention: Literal["opengl", "directx"] = convention_option(
+        default="opengl", of="the normal maps that are read"
     )
     confidence: tuple[str, ...] = option(
         default=(), metavar="FILE", help="confidence map of each view, in the order of the views", provenance="none"
@@ -278,7 +274,7 @@ class Bake(BakesDetail):
         "TEXTURE_albedo, with colours matched where views overlap",
         provenance="none",
     )
-    format: str | None = option(default=None, help="png, tif or exr, for a folder", unset="png", provenance="none")
+    format: str | None = optional("png, tif or exr, for a folder", unset="png", provenance="none")
     output: str = option(
         help="texture to write: .png, .tif or .exr; <UDIM>, <MATERIAL> or <OBJECT> in its name writes one for "
         "each tile, material or object; a folder for a sequence, or to take the name from a preset",
@@ -365,7 +361,7 @@ class BakeViews(RunsModel, ReadsPhotos, BakesDetail):
     report: str | None = output_option(
         "write an HTML page that shows which views cover what and how much they disagree"
     )
-    json: str | None = option(default=None, metavar="FILE", help="write the same figures as JSON", provenance="none")
+    json: str | None = output_option("write the same figures as JSON")
     output: str = option(
         help="texture to write: .png, .tif or .exr; <UDIM>, <MATERIAL> or <OBJECT> in its name writes one for "
         "each tile, material or object; a folder to take the name from a preset",

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, ClassVar
 
-from mpsnet_core.calibrate.mesh_operation import CalibrateMesh
+from mpsnet_core.calibrate.operations import CalibrateMesh
 from mpsnet_core.capture.operations import ReadsPhotos
 from mpsnet_core.defaults import MASK, MAX_FOCAL, MIN_FOCAL
 from mpsnet_core.estimate.alignment.operation import Align

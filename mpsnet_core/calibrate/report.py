@@ -1,9 +1,9 @@
 """Results of a calibration: data for programs, which `str` turns into lines for people."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 import OpenImageIO as oiio
@@ -148,26 +148,6 @@ class _Canvas:
 
 
 @dataclass(frozen=True)
-class HighlightFacts:
-    """A light's highlight on a ball: see :class:`mpsnet_core.calibrate.highlights.Highlight`."""
-
-    ball: int
-    """Number of the ball."""
-    x: float
-    """Centre in the photo, in pixels from the left."""
-    y: float
-    """Centre in the photo, in pixels from the top."""
-    radius: float
-    """Radius of a disc of the same area, in pixels."""
-    clipped: bool
-    """Whether any of its pixels is saturated."""
-    rival: float
-    """Light of the second-best spot, as a share of this one's."""
-    colour: list[float]
-    """Red, green and blue, scaled to a maximum of 1."""
-
-
-@dataclass(frozen=True)
 class LightFacts:
     """A light as it was found."""
 
@@ -183,8 +163,9 @@ class LightFacts:
     """The photo or entry that shows it."""
     uncertainty: float | None = None
     """One standard deviation of the direction, in degrees, if calibrated by balls."""
-    highlights: list[HighlightFacts] | None = None
-    """Its highlights, if calibrated by balls."""
+    highlights: list[dict[str, Any]] | None = None
+    """Its highlights, if calibrated by balls: the number of the ball, and the fields of
+    :class:`mpsnet_core.calibrate.highlights.Highlight`."""
     position: list[float] | None = None
     """(3,). Its position in camera space, if it was found."""
     position_uncertainty: float | None = None
@@ -200,7 +181,7 @@ class LightFacts:
         if self.position is not None:
             place = ", ".join(f"{value:.4g}" for value in self.position)
             line += f"; at {place}, ± {self.position_uncertainty:.2g}, rays meet to {self.gap:.2g}"
-        return line + (" (clipped)" if any(spot.clipped for spot in self.highlights or ()) else "")
+        return line + (" (clipped)" if any(spot["clipped"] for spot in self.highlights or ()) else "")
 
 
 @dataclass(frozen=True)
@@ -228,32 +209,27 @@ class BallFacts:
         return f"{line}, {self.seen:.0%} of its outline seen, fits to {self.residual:.2f} pixels"
 
 
-def directions_facts(directions: F64, names: Sequence[str], files: Sequence[str] | None) -> list[LightFacts]:
-    """Facts of lights with known directions only. directions: (N, 3)."""
-    lights = []
-    for number, (name, direction) in enumerate(zip(names, directions, strict=True)):
-        slant, tilt = (float(angle) for angle in angles_of(direction))
-        lights.append(LightFacts(name, direction.tolist(), slant, tilt, None if files is None else files[number]))
-    return lights
-
-
-def lights_facts(found: LightsFound, names: Sequence[str], files: Sequence[Path] | None) -> list[LightFacts]:
-    """Facts of lights that were calibrated by balls."""
-    lights = directions_facts(found.directions, names, None if files is None else [file.name for file in files])
-    return [_light_facts(light, found, k) for k, light in enumerate(lights)]
-
-
-def _light_facts(light: LightFacts, found: LightsFound, k: int) -> LightFacts:
-    spots = [sighting.highlights[k] for sighting in found.sightings]
-    highlights = [
-        HighlightFacts(number, spot.x, spot.y, spot.radius, spot.clipped, spot.rival, list(spot.colour))
-        for number, spot in enumerate(spots)
+def lights_facts(directions: F64, names: Sequence[str], **columns: Sequence[Any] | None) -> list[LightFacts]:
+    """Facts of lights in the directions (N, 3). columns: what else is known of each light, by its field."""
+    known = {field: values for field, values in columns.items() if values is not None}
+    return [
+        LightFacts(name, direction.tolist(), float(slant), float(tilt), **{field: known[field][k] for field in known})
+        for k, (name, direction, slant, tilt) in enumerate(zip(names, directions, *angles_of(directions), strict=True))
     ]
-    light = replace(light, uncertainty=float(found.uncertainties[k]), highlights=highlights)
-    if found.positions is None or found.position_uncertainties is None or found.gaps is None:
-        return light
-    unsure, gap = float(found.position_uncertainties[k]), float(found.gaps[k])
-    return replace(light, position=found.positions[k].tolist(), position_uncertainty=unsure, gap=gap)
+
+
+def lights_by_balls(found: LightsFound, names: Sequence[str], files: Sequence[Path] | None) -> list[LightFacts]:
+    """Facts of lights that were calibrated by balls."""
+    spots = zip(*(sighting.highlights for sighting in found.sightings), strict=True)
+    columns = {"uncertainty": found.uncertainties, "position": found.positions, "gap": found.gaps}
+    columns["position_uncertainty"] = found.position_uncertainties
+    return lights_facts(
+        found.directions,
+        names,
+        file=files and [file.name for file in files],
+        highlights=[[{"ball": ball, **asdict(spot)} for ball, spot in enumerate(of_light)] for of_light in spots],
+        **{field: None if values is None else values.tolist() for field, values in columns.items()},
+    )
 
 
 def ball_facts(ball: Ball) -> BallFacts:

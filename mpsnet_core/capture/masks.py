@@ -8,14 +8,7 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
-from mpsnet_core.arrays.mask_regions import (
-    dilated,
-    eroded,
-    fill_holes,
-    fill_small_holes,
-    labelled,
-    remove_small_regions,
-)
+from mpsnet_core.arrays import mask_regions as regions
 from mpsnet_core.arrays.resampling import block_means
 from mpsnet_core.arrays.row_bands import bands
 from mpsnet_core.arrays.sizes import SAME_CAMERA, check_same_size
@@ -247,17 +240,17 @@ def _segment(photo: F32, behind: F32, notes: MaskNotes, clearly: bool = False) -
 
 def _clean_up(mask: Bools, contrast: F32, threshold: float, *, dark: bool) -> Bools:
     """The mask without specks, with gaps closed and holes filled that a shadow may have made."""
-    mask = remove_small_regions(mask, PART * labelled(mask)[1][1:].max(initial=0))
+    mask = regions.remove_small_regions(mask, PART * regions.labelled(mask)[1][1:].max(initial=0))
     gap = max(1, round(GAP * max(mask.shape)))
-    mask = eroded(dilated(mask, gap), gap)
+    mask = regions.eroded(regions.dilated(mask, gap), gap)
 
     def by_shadow(labels: I32, sizes: I64) -> Bools:
         unlike = np.bincount(labels.ravel(), contrast.ravel(), len(sizes)) / np.maximum(sizes, 1)
         area = sizes[0]
         return (sizes <= SPECK * area) | ((sizes <= SHADOW * area) & (dark | (unlike > threshold / 2)))
 
-    mask = fill_holes(mask, by_shadow)
-    return remove_small_regions(mask, PART * labelled(mask)[1][1:].max(initial=0))
+    mask = regions.fill_holes(mask, by_shadow)
+    return regions.remove_small_regions(mask, PART * regions.labelled(mask)[1][1:].max(initial=0))
 
 
 def _doubts(mask: Bools, clearness: float) -> Iterator[Note]:
@@ -270,7 +263,7 @@ def _doubts(mask: Bools, clearness: float) -> Iterator[Note]:
             "or plain background?",
             100 * touching,
         )
-    holes = fill_small_holes(mask, mask.size).mean() / share - 1
+    holes = regions.fill_small_holes(mask, mask.size).mean() / share - 1
     if holes > SHADOW:
         yield Note(
             "the mask has holes of %.0f%% of its area, where the photo looks like the background: if they belong to "
@@ -345,13 +338,13 @@ def _refine_outline(
         return found.mask
     height, width = shape
     columns = np.arange(width) // factor
-    surely, maybe = eroded(found.mask, OUTLINE), dilated(found.mask, OUTLINE)
+    surely, maybe = regions.eroded(found.mask, OUTLINE), regions.dilated(found.mask, OUTLINE)
     mask = np.empty((height, width), bool)
     for rows in bands(height):
         lines = np.arange(rows.start, rows.stop) // factor
         mask[rows] = (contrast(rows) > found.threshold) & maybe[lines][:, columns] | surely[lines][:, columns]
     fine = factor**2 * OUTLINE**2
-    return remove_small_regions(fill_small_holes(mask, fine), fine)
+    return regions.remove_small_regions(regions.fill_small_holes(mask, fine), fine)
 
 
 def _factor(pixels: F32) -> int:

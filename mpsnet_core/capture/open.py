@@ -13,17 +13,10 @@ from numpy.typing import ArrayLike
 from mpsnet_core.arrays.resampling import chosen_pixels
 from mpsnet_core.arrays.sizes import check_same_size
 from mpsnet_core.arrays.types import F32, Bools
+from mpsnet_core.capture import transfer
 from mpsnet_core.capture.capture import Capture, checked_white, depth_within, doubts
 from mpsnet_core.capture.decode import AS_STATED, Correction, PhotoReadOptions, corrected, undistorted_photo
 from mpsnet_core.capture.masks import MaskNotes, mask_of
-from mpsnet_core.capture.transfer import (
-    CLOSE,
-    DECIDED,
-    evidence_for_linear,
-    other_encoding,
-    photos_to_examine,
-    warn_of_transfer_curve,
-)
 from mpsnet_core.defaults import MASK
 from mpsnet_core.errors import GeometryError, InputError, Note, SettingsError
 from mpsnet_core.io.files import prefix_errors, resolved
@@ -204,10 +197,10 @@ class PhotoSet:
             evidence, first = self._encoding_evidence(source, image, photo), self.encoding_evidence is None
             if first:
                 self.encoding_evidence = self._decide_encoding(source, image, evidence)
-            others = self.options.assumed == other_encoding(image.assumed)
-            limit = CLOSE if first else DECIDED
+            others = self.options.assumed == transfer.other_encoding(image.assumed)
+            limit = transfer.CLOSE if first else transfer.DECIDED
             if max(evidence, self.encoding_evidence or 0) > limit and self._first_report("transfer"):
-                warn_of_transfer_curve(source.file_name, image.assumed, decided=others)
+                transfer.warn_of_transfer_curve(source.file_name, image.assumed, decided=others)
             if others:
                 # A mask found by brightness depends on the curve: find it again, but report it once.
                 photo = self._masked_photo(source, otherwise_encoded(image), "none")
@@ -259,7 +252,7 @@ class PhotoSet:
         if source.rig is None:
             return 0.0
         pixels = image.pixels if source.lens is None else photo.image.pixels
-        for_linear = evidence_for_linear(pixels, photo.mask, source.rig, as_srgb=image.assumed == "srgb")
+        for_linear = transfer.evidence_for_linear(pixels, photo.mask, source.rig, as_srgb=image.assumed == "srgb")
         return for_linear if image.assumed == "srgb" else -for_linear
 
     def _decide_encoding(self, source: Source, image: Image, evidence: float) -> float:
@@ -268,7 +261,7 @@ class PhotoSet:
         They are the same whichever photo, the `source`, is opened first. image, evidence: of this one.
         """
         found = [0.0]
-        for other in photos_to_examine(self.sources) or [source]:
+        for other in transfer.photos_to_examine(self.sources) or [source]:
             if other is source:
                 found.append(evidence)
                 continue
@@ -278,8 +271,8 @@ class PhotoSet:
                     found.append(self._encoding_evidence(other, seen, self._masked_photo(other, seen, "none")))
         clearest = max(found, key=abs)
         # Dark frame and flat field were read as usual, so the photos stay that, too.
-        if image.assumed and clearest > DECIDED and self.options.correction is None:
-            self.options = replace(self.options, assumed=other_encoding(image.assumed))
+        if image.assumed and clearest > transfer.DECIDED and self.options.correction is None:
+            self.options = replace(self.options, assumed=transfer.other_encoding(image.assumed))
         return clearest
 
     def _with_white(self, capture: Capture, source: Source, photo: Image) -> Capture:

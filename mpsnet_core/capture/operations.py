@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 from mpsnet_core.defaults import MASK, MAX_FOCAL, MIN_FOCAL
 from mpsnet_core.errors import NOTE_LEVELS, GeometryError, Note, SettingsError
-from mpsnet_core.operation import Operation, Result, option
+from mpsnet_core.operation import Operation, Result, option, optional, output_option
 from mpsnet_core.progress import Progress, silent
 from mpsnet_core.scene.operations import ReadsPictures, TakesMesh
 
@@ -27,16 +27,14 @@ class ReadsPhotos(ReadsPictures):
 
     heading: ClassVar[str] = "how photos are read"
 
-    layer: str | None = option(default=None, help="layer of a multi-layer EXR")
-    dark: str | None = option(
-        default=None,
-        help="photo with the three lights off, to subtract; several (a folder or pattern) are averaged",
+    layer: str | None = optional("layer of a multi-layer EXR")
+    dark: str | None = optional(
+        "photo with the three lights off, to subtract; several (a folder or pattern) are averaged",
         path="file",
         provenance="files",
     )
-    flat: str | None = option(
-        default=None,
-        help="photo of an even white card in the object's place, to correct vignetting and uneven light; "
+    flat: str | None = optional(
+        "photo of an even white card in the object's place, to correct vignetting and uneven light; "
         "several (a folder or pattern) are averaged; not for near lights",
         path="file",
         provenance="files",
@@ -93,7 +91,7 @@ class TakesLightPhotos(ReadsPhotos):
         "blue, as `superpose --channels` takes them",
     )
     mask: str = option(default=MASK, help="where the object is, as in `estimate`")
-    json: str | None = option(default=None, metavar="FILE", help="write the results as JSON", provenance="none")
+    json: str | None = output_option("write the results as JSON")
     output: str = option(help="rig file to write: .json", path="file", provenance="none")
 
     def photos(self, given: Sequence[str], *inputs: str) -> list[Path]:
@@ -129,18 +127,13 @@ class HasLens(Operation):
 
     heading: ClassVar[str] = "the photo's camera"
 
-    camera: str | None = option(
-        default=None,
-        help="camera file, for perspective and for near lights; without it or a focal length, the camera is "
+    camera: str | None = optional(
+        "camera file, for perspective and for near lights; without it or a focal length, the camera is "
         "assumed far away",
         provenance="content",
     )
-    focal: float | None = option(
-        default=None,
-        metavar="MM",
-        low=MIN_FOCAL,
-        high=MAX_FOCAL,
-        help="35 mm equivalent focal length of the real camera, in millimetres",
+    focal: float | None = optional(
+        "35 mm equivalent focal length of the real camera, in millimetres", metavar="MM", low=MIN_FOCAL, high=MAX_FOCAL
     )
 
     def lens(self) -> "Camera | float | None":
@@ -161,13 +154,11 @@ class HasViewpoint(TakesMesh, HasLens):
 
     heading: ClassVar[str] = "the photo's camera"
 
-    mesh: str | None = option(
-        default=None,
-        help="the object's mesh in the camera's world, for the distance of each pixel from near lights",
-        provenance="content",
+    mesh: str | None = optional(
+        "the object's mesh in the camera's world, for the distance of each pixel from near lights", provenance="content"
     )
-    distance: float | None = option(
-        default=None, help="distance from the camera to the object, in the unit of a rig file with near lights"
+    distance: float | None = optional(
+        "distance from the camera to the object, in the unit of a rig file with near lights"
     )
 
     def source(self, photo: str | Path, rig: str | None, mask: str = MASK) -> "Source":
@@ -284,7 +275,7 @@ class FindMask(ReadsPhotos):
         "(alpha, else what stands out clearly, else the whole photo), background:FILE (a photo without the "
         "object), threshold:0.05, or a mask file to show",
     )
-    overlay: str | None = option(default=None, metavar="FILE", help="also write the photo with the mask drawn over it")
+    overlay: str | None = optional("also write the photo with the mask drawn over it", metavar="FILE")
     output: str = option(help="mask file, white on the object: .png, .tif or .exr")
 
     def run(self, progress: Progress = silent) -> MaskFound:
@@ -354,11 +345,11 @@ class Check(ReadsPhotos):
     command: ClassVar[str] = "check"
 
     image: str = option(positional=True, help="photo")
-    rig: str | None = option(
-        default=None, help="rig file (.json, or .lp with three lights)", unset="the lights are not checked", path="file"
+    rig: str | None = optional(
+        "rig file (.json, or .lp with three lights)", unset="the lights are not checked", path="file"
     )
     mask: str = option(default=MASK, help="where the object is, as in `mask`")
-    json: str | None = option(default=None, metavar="FILE", help="write the findings as JSON", provenance="none")
+    json: str | None = output_option("write the findings as JSON")
 
     def run(self, progress: Progress = silent) -> PhotoChecked:
         """Check the photo, and write the findings if requested."""

@@ -19,16 +19,14 @@ from typing import Any
 from mpsnet_core import __version__
 from mpsnet_core.bake.operations import Bake, BakeViews
 from mpsnet_core.bake.scan import Scan
-from mpsnet_core.calibrate.mesh_operation import CalibrateMesh
-from mpsnet_core.calibrate.operations import CalibrateLights, CalibrateMixing
+from mpsnet_core.calibrate.operations import CalibrateLights, CalibrateMesh, CalibrateMixing
 from mpsnet_core.capture.operations import Check, FindMask, Superpose
 from mpsnet_core.cli import EXIT_BAD_INPUT, EXIT_CANCELLED
 from mpsnet_core.cli.arguments import Parser, Subparsers, add_operation
 from mpsnet_core.cli.reporter import NoteCollector, Reporter, log_level, print_json, refuse
 from mpsnet_core.errors import InputError, SettingsError, printable
 from mpsnet_core.estimate.alignment.operation import Align
-from mpsnet_core.estimate.lights.operation import CalibratePhoto
-from mpsnet_core.estimate.operations import Estimate, ListModels
+from mpsnet_core.estimate.operations import CalibratePhoto, Estimate, ListModels
 from mpsnet_core.io.child_process import only_request
 from mpsnet_core.operation import Operation, from_json
 from mpsnet_core.relief.operations import Integrate, MakeMaterial
@@ -75,26 +73,18 @@ SECTIONS: dict[str, dict[type[Operation], str]] = {
 HIDDEN: tuple[type[Operation], ...] = (PreviewLights, Work)
 
 if importlib.util.find_spec("mpsnet_core.learning"):  # Blender's extension comes without training and evaluation
-    from mpsnet_core.learning.evaluation.operations import (
-        EvaluateColour,
-        EvaluateDiligent,
-        EvaluateMaterials,
-        EvaluatePatchSizes,
-        EvaluateRendered,
-        EvaluateSamples,
-        EvaluateStatues,
-    )
+    from mpsnet_core.learning.evaluation import operations as evaluation
     from mpsnet_core.learning.operations import Train
 
     SECTIONS["training"] |= {
         Train: "--recipe multiscale --samples training --validation validation -o multiscale.onnx",
-        EvaluateDiligent: "pmsData",
-        EvaluateMaterials: "--merl fits.npz",
-        EvaluateRendered: "meshes",
-        EvaluateStatues: "meshes",
-        EvaluateColour: "--size 128 --white",
-        EvaluateSamples: "validation",
-        EvaluatePatchSizes: "--samples training --validation validation --runs runs/",
+        evaluation.EvaluateDiligent: "pmsData",
+        evaluation.EvaluateMaterials: "--merl fits.npz",
+        evaluation.EvaluateRendered: "meshes",
+        evaluation.EvaluateStatues: "meshes",
+        evaluation.EvaluateColour: "--size 128 --white",
+        evaluation.EvaluateSamples: "validation",
+        evaluation.EvaluatePatchSizes: "--samples training --validation validation --runs runs/",
     }
 
 EXAMPLES = {

@@ -1,31 +1,19 @@
-"""The operation estimate: photos, frames and videos to camera-space normal maps."""
+"""The operations on photos: their normals, the lights in them, and the models that estimate them."""
 
 import json
-import logging
-import re
-from collections.abc import Iterable
-from dataclasses import dataclass, replace
-from itertools import islice
-from pathlib import Path
+from dataclasses import dataclass
+from pkgutil import resolve_name
 from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
-from mpsnet_core.capture.operations import HasViewpoint, ReadsPhotos
-from mpsnet_core.defaults import CONVENTIONS, MASK, MAX_SMOOTHING
-from mpsnet_core.errors import SettingsError
+from mpsnet_core.capture.operations import HasViewpoint, ReadsPhotos, TakesLightPhotos
+from mpsnet_core.defaults import MASK, MAX_SMOOTHING
 from mpsnet_core.estimate.registry import BASELINES, DEFAULT_MODEL, DEFAULT_TILE, find_network, known_models
-from mpsnet_core.operation import Operation, Result, option
-from mpsnet_core.progress import Progress, part, silent
+from mpsnet_core.operation import Operation, Result, convention_option, option, optional, output_option
+from mpsnet_core.progress import Progress, silent
 
 if TYPE_CHECKING:
-    from mpsnet_core.arrays.types import F64
     from mpsnet_core.estimate.estimator import Estimator
     from mpsnet_core.estimate.lights.find import LightFound
-    from mpsnet_core.estimate.sequence.run import Outcome
-    from mpsnet_core.estimate.sequence.source import Frame
-
-log = logging.getLogger(__name__)
-
-LIGHTS_FRAMES = 50  # of a video without a rig, in which the lights are found
 
 
 @dataclass(frozen=True)
@@ -122,11 +110,8 @@ class Estimate(RunsModel, HasViewpoint, ReadsPhotos):
         help="photo(s), a folder of them, a pattern (frame_####.png, `*.tif`), or a video",
         provenance="none",
     )
-    rig: str | None = option(
-        default=None,
-        help="rig file (.json, or .lp with three lights)",
-        unset="the lights are found in the photo",
-        path="file",
+    rig: str | None = optional(
+        "rig file (.json, or .lp with three lights)", unset="the lights are found in the photo", path="file"
     )
     mask: str = option(
         default=MASK,
@@ -134,14 +119,13 @@ class Estimate(RunsModel, HasViewpoint, ReadsPhotos):
         "threshold:0.05, see `mpsnet mask`; for frames also a folder or pattern of masks",
         provenance="none",  # in each frame's own line
     )
-    passes: Literal[1, 3] | None = option(
-        default=None,
+    passes: Literal[1, 3] | None = optional(
+        "passes of the network",
         choices={
             1: "",
             3: "averages the results for the scene rotated and mirrored, and estimates a second time without the "
             "albedo",
         },
-        help="passes of the network",
         unset="with the default model 3 for one photo, 1 for several photos or a video",
         provenance="none",
     )
@@ -154,30 +138,19 @@ class Estimate(RunsModel, HasViewpoint, ReadsPhotos):
         path="file",
         provenance="none",
     )
-    albedo: str | None = option(
-        default=None,
-        metavar="FILE",
-        help="also write the surface's colour without light and shadow on it, made from the photo under white light",
-        provenance="none",
+    albedo: str | None = output_option(
+        "also write the surface's colour without light and shadow on it, made from the photo under white light"
     )
-    white_light: str | None = option(
-        default=None,
+    white_light: str | None = optional(
+        "what lit the white photo: the rig's three lights turned white, or one lamp in this direction in degrees",
         metavar="rig|SLANT,TILT",
-        help="what lit the white photo: the rig's three lights turned white, or one lamp in this direction in degrees",
         unset="rig",
         provenance="none",
         numbers=True,
     )
-    convention: Literal["opengl", "directx"] = option(
-        default="opengl", choices=CONVENTIONS, help="which way the green channel of the normal map points"
-    )
-    confidence: str | None = option(
-        default=None,
-        metavar="FILE",
-        help="also write a map of how far each normal can be trusted, for one photo",
-        provenance="none",
-    )
-    format: str | None = option(default=None, help="png, tif or exr, if the output is a folder", unset="png")
+    convention: Literal["opengl", "directx"] = convention_option(default="opengl", of="the normal map")
+    confidence: str | None = output_option("also write a map of how far each normal can be trusted, for one photo")
+    format: str | None = optional("png, tif or exr, if the output is a folder", unset="png")
     smooth: int = option(
         default=0,
         metavar="N",
@@ -195,198 +168,35 @@ class Estimate(RunsModel, HasViewpoint, ReadsPhotos):
 
     def run(self, progress: Progress = silent) -> NormalsMade | FramesMade:
         """Write the normal map of one photo, or those of several, of numbered frames or of a video."""
-        from mpsnet_core.io.files import check_no_overwrite, writable_image
-        from mpsnet_core.io.frames import expand_images, is_folder_or_pattern, is_video, output_files
+        return resolve_name("mpsnet_core.estimate.estimate_photos:estimate")(self, progress)
 
-        white_light, photos = self._white_light(), expand_images(self.image)
-        inputs = [*photos, *self.inputs(self.rig, self.camera, self.mesh, *self.white, mask=self.mask)]
-        # A folder with one frame is a sequence, too, unless its confidence is requested: sequences have none.
-        if (
-            len(photos) > 1
-            or is_video(photos[0])
-            or (any(map(is_folder_or_pattern, self.image)) and not self.confidence)
-        ):
-            return self._frames(photos, inputs, progress)
-        if self.smooth:
-            raise SettingsError("--smooth needs the frames of a sequence, but there is one photo; leave it out")
-        [output] = output_files(photos, self.output, self.format)
-        maps = [writable_image(path) for path in (self.confidence, self.albedo) if path]
-        check_no_overwrite(inputs, [output, *maps])
-        return self._photo(photos[0], output, white_light, progress)
 
-    def _photo(self, photo: Path, output: Path, white_light: "F64 | None", progress: Progress) -> NormalsMade:
-        from mpsnet_core.capture.open import open_captures
-        from mpsnet_core.estimate.albedo import albedo_from_white, write_albedo
-        from mpsnet_core.estimate.ambient_light import warn_of_ambient_light
-        from mpsnet_core.estimate.lights.find import with_lights
-        from mpsnet_core.io.files import ensure_folder, write_transaction
-        from mpsnet_core.io.image_writing import write_image
-        from mpsnet_core.io.marks import made
-        from mpsnet_core.scene.normal_map import stating_the_error, write_normals
+@dataclass(frozen=True)
+class PhotoCalibrated(Result):
+    """The lights that were found in photos, and the file of their rig."""
 
-        estimator = self.estimator(self.passes)
-        source = replace(self.source(photo, self.rig, self.mask), white=self.white, white_light=white_light)
-        options = self.read_options()
-        progress(0.0, f"reading {photo.name}")
-        source, lights = with_lights(source, [source], options)
-        [capture] = open_captures([source], options)
+    output: str
+    """The rig file."""
+    lights: "list[LightFound]"
+    """The lights, in the order of the camera's channels."""
 
-        progress(0.1, f"normals by {self.model}")
-        normals = estimator(capture, part(progress, 0.1, 0.9))
-        warn_of_ambient_light(capture, normals)
 
-        progress(0.9, f"writing {output.name}")
-        ensure_folder(output.parent, "normals")
-        with write_transaction():
-            # A baseline's confidence is no expected error.
-            told = None if estimator.name in BASELINES else stating_the_error(normals)
-            write_normals(output, normals, convention=self.convention, description=told)
-            if self.confidence:
-                write_image(self.confidence, normals.confidence, description=made("confidence"))
-            if self.albedo:
-                write_albedo(self.albedo, albedo_from_white(capture, normals), capture.mask)
-        progress(1.0, "done")
-        text = f"{output}: normals by {self.model}" + (f"\n{self.albedo}: albedo" if self.albedo else "")
-        return NormalsMade([str(output)], int(normals.mask.sum()), self.albedo, lights, text=text)
+@dataclass(frozen=True)
+class CalibratePhoto(TakesLightPhotos):
+    """Find the lights' directions in photos of any object, without a ball.
 
-    def _white_light(self) -> "F64 | None":
-        """(3,) direction of the one lamp that lit the white photo; None if the rig's lights did."""
-        if self.albedo and not self.white:
-            raise SettingsError("--albedo is made from a photo under white light; give it with --white")
-        if self.white_light and not self.white:
-            raise SettingsError("--white-light describes the light on the --white photo; give both, or neither")
-        if self.white_light in (None, "rig"):
-            return None
-        from mpsnet_core.scene.rig import direction_from_angles, slant_and_tilt
+    They are less exact than those of a mirror ball: several photos or frames under the same lights help.
+    """
 
-        return direction_from_angles(*slant_and_tilt("--white-light", self.white_light))
+    command: ClassVar[str] = "calibrate photo"
 
-    def _frames(self, photos: list[Path], inputs: list[Path], progress: Progress) -> FramesMade:
-        from mpsnet_core.io.frames import is_video
+    image: tuple[str, ...] = option(
+        positional=True, help="photo(s) under the same three lights, a folder of them, or a pattern (frame_####.png)"
+    )
 
-        if self.confidence:
-            raise SettingsError("--confidence takes one photo at a time; leave it out or give one photo")
-        if self.white:
-            raise SettingsError("--white is a second photo of a single photo's pose; leave it out, or give one photo")
-        if not any(map(is_video, photos)):
-            return self._photos(photos, inputs, progress)
-        if len(photos) > 1:
-            raise SettingsError(f"{next(filter(is_video, photos))} is a video; give it alone, each video on its own")
-        return self._video(photos[0], inputs, progress)
-
-    def _photos(self, photos: list[Path], inputs: list[Path], progress: Progress) -> FramesMade:
-        from mpsnet_core.estimate.lights.find import with_lights
-        from mpsnet_core.estimate.sequence.source import frame_masks, photo_frames
-        from mpsnet_core.io.files import check_no_overwrite
-        from mpsnet_core.io.frames import numbering, output_files
-
-        outputs = output_files(photos, self.output, self.format)
-        check_no_overwrite(inputs, outputs)
-        numbered = numbering(photos)
-        masks = frame_masks(self.mask)
-        if numbered is None and (self.smooth or masks.by_number):
-            what = "--smooth" if self.smooth else f"--mask {self.mask}"
-            raise SettingsError(f"{what} takes the frames of one sequence: photos whose names differ in one number")
-        for number in numbered.numbers if numbered else ():
-            masks.of(number)  # report a missing mask before any work
-        like, lights = self.source(photos[0], self.rig), None
-        if like.rig is None:
-            unlit = photo_frames(photos, outputs, masks=masks, like=like)
-            like, lights = with_lights(like, [frame.source for frame in unlit], self.read_options())
-        frames = photo_frames(photos, outputs, masks=masks, like=like, reach=self.smooth)
-        step = numbered.step if numbered else None
-        outcome = self._sequence(frames, len(photos), progress, step, continue_on_error=not self.smooth)
-        numbers = numbered.numbers if numbered else range(1, len(photos) + 1)
-        without = {*outcome.left_out, *outcome.failed}
-        made = {number: output for number, output in zip(numbers, outputs, strict=True) if number not in without}
-        if numbered is None or outputs == [Path(self.output)]:
-            return self._made(outcome, self.output, outputs=[*map(str, made.values())], lights=lights)
-        if numbered.gaps:
-            log.warning("frame(s) %s missing; the others are estimated", numbered.gaps)
-        padded = len({len(digits) for digits in numbered.digits}) == 1
-        return self._made_of_sequence(outcome, made[min(made)], (min(made), max(made)), padded, None, lights)
-
-    def _video(self, path: Path, inputs: list[Path], progress: Progress) -> FramesMade:
-        from mpsnet_core.estimate.lights.find import with_lights
-        from mpsnet_core.estimate.sequence.source import frame_masks
-        from mpsnet_core.estimate.sequence.video import read_video_header, video_frames, video_outputs
-        from mpsnet_core.io.files import check_no_overwrite, resolved
-
-        if self.layer:
-            raise SettingsError(f"{path} is a video, which has no layers; leave --layer out")
-        outputs = video_outputs(path, self.output, self.format)
-        # The number of frames is not known before the video is read. An output's name ends in its frame number, so an
-        # input can be overwritten only by the frames whose numbers are in the inputs' names.
-        numbers = {int(digits) for file in inputs for digits in re.findall("[0-9]+", resolved(file).stem)}
-        check_no_overwrite(inputs, map(outputs, numbers))
-        video = read_video_header(path, encoding=self.encoding)
-        like, masks = self.source(path, self.rig), frame_masks(self.mask)
-        lights = None
-        if like.rig is None:
-            unlit = video_frames(video, outputs, masks=masks, like=like, encoding=self.encoding)
-            first = islice(unlit, 0, LIGHTS_FRAMES, LIGHTS_FRAMES // 5)
-            like, lights = with_lights(like, [frame.source for frame in first], self.read_options())
-        frames = video_frames(video, outputs, masks=masks, like=like, reach=self.smooth, encoding=self.encoding)
-        outcome = self._sequence(frames, video.count, progress, 1)
-        total = outcome.made + outcome.there + len(outcome.left_out)
-        made = [number for number in range(1, total + 1) if number not in outcome.left_out]
-        return self._made_of_sequence(outcome, outputs(made[0]), (made[0], made[-1]), True, video.frame_rate, lights)
-
-    def _sequence(
-        self,
-        frames: "Iterable[Frame]",
-        count: int,
-        progress: Progress,
-        step: int | None,
-        *,
-        continue_on_error: bool = False,
-    ) -> "Outcome":
-        """Estimate photos. step: between the numbers of a sequence's frames; None if the photos are not a sequence.
-        continue_on_error: as in `estimate_sequence`."""
-        from mpsnet_core.capture.open import PhotoSet
-        from mpsnet_core.estimate.sequence.run import estimate_sequence
-        from mpsnet_core.io.provenance import operation_facts
-
-        known = [frame.source for frame in frames] if isinstance(frames, list) else []
-        photos = PhotoSet(known, self.read_options(), moving=step is not None)
-        # One pass per frame unless more are requested: three take three times as long.
-        passes = self.passes or 1
-        return estimate_sequence(
-            frames,
-            lambda frame: photos.open(frame.source),
-            self.estimator(passes),
-            recipe=operation_facts(self, **self.model_facts(passes)),
-            smooth=self.smooth,
-            step=step or 1,
-            continue_on_error=continue_on_error,
-            convention=self.convention,
-            count=count,
-            progress=progress,
-        )
-
-    def _made_of_sequence(
-        self,
-        outcome: "Outcome",
-        first: Path,
-        numbers: tuple[int, int],
-        padded: bool,
-        rate: float | None,
-        lights: "list[LightFound] | None",
-    ) -> FramesMade:
-        *_, digits = re.finditer("[0-9]+", first.stem)
-        run = "#" * len(digits[0]) if padded else "*"
-        pattern = f"{first.stem[: digits.start()]}{run}{first.stem[digits.end() :]}{first.suffix}"
-        facts = {"pattern": pattern, "first": numbers[0], "last": numbers[1], "frame_rate": rate, "lights": lights}
-        count = outcome.made + outcome.there
-        return self._made(outcome, Path(self.output) / pattern, first_output=str(first), count=count, **facts)
-
-    def _made(self, outcome: "Outcome", where: str | Path, **facts: Any) -> FramesMade:
-        made, left_out, failed = outcome.made, len(outcome.left_out), [*outcome.failed.values()]
-        text = f"{where}: normals by {self.model}, {made} made"
-        for count, words in ((outcome.there, "there already"), (left_out, "left out"), (len(failed), "failed")):
-            text += f", {count} {words}" if count else ""
-        done = self.output, made, outcome.there, outcome.pixels, left_out
-        return FramesMade(*done, **facts, text=text, failed=failed or None)
+    def run(self, progress: Progress = silent) -> PhotoCalibrated:
+        """Write the rig file."""
+        return resolve_name("mpsnet_core.estimate.estimate_photos:calibrate_photo")(self, progress)
 
 
 @dataclass(frozen=True)
@@ -421,7 +231,7 @@ class ListModels(Operation):
 
     command: ClassVar[str] = "models"
 
-    model: str | None = option(default=None, positional=True, help="name or .onnx file of a network, to show its card")
+    model: str | None = optional("name or .onnx file of a network, to show its card", positional=True)
 
     def run(self, progress: Progress = silent) -> ModelsListed:
         """List the models, or read one's card."""

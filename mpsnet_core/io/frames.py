@@ -10,20 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from mpsnet_core.errors import FileError
-from mpsnet_core.io.files import (
-    HEIF_SUFFIXES,
-    IMAGE_SUFFIXES,
-    PHOTO_SUFFIXES,
-    RAW_SUFFIXES,
-    VIDEO_SUFFIXES,
-    WRITABLE_BITS,
-    check_ending,
-    check_own,
-    checked_bits,
-    creatable_folder,
-    file_suffix,
-    writable_image,
-)
+from mpsnet_core.io import files as disk
 from mpsnet_core.io.marks import says_made
 from mpsnet_core.io.opening import AnyPath
 
@@ -133,7 +120,7 @@ def expand_images(inputs: Sequence[AnyPath]) -> list[Path]:
         if path.is_dir():
             found = _without_results(_photos(path.iterdir()), path)
             if not found:
-                kinds = ", ".join(IMAGE_SUFFIXES)
+                kinds = ", ".join(disk.IMAGE_SUFFIXES)
                 raise FileError(f"folder {path} holds no images ({kinds}, or camera raw); choose another")
         elif path.is_file():
             found = [path]
@@ -159,7 +146,7 @@ def is_folder_or_pattern(given: AnyPath) -> bool:
 
 def is_video(path: AnyPath) -> bool:
     """Whether a file has the suffix of a video."""
-    return Path(path).suffix.lower() in VIDEO_SUFFIXES
+    return Path(path).suffix.lower() in disk.VIDEO_SUFFIXES
 
 
 def expand_file_options(options: Iterable[str | None]) -> list[Path]:
@@ -201,13 +188,13 @@ def output_files(photos: Sequence[Path], output: AnyPath, kind: str | None = Non
     Raises FileError if two results would share a name, or cannot be written; SettingsError if `output` is a file
     of another format.
     """
-    target, suffix = Path(output), file_suffix(kind or "png")
+    target, suffix = Path(output), disk.file_suffix(kind or "png")
     if len(photos) == 1 and not target.is_dir() and (target.suffix or target.exists()):
         if kind:
-            check_ending(target, suffix)
-        return [writable_image(target)]
+            disk.check_ending(target, suffix)
+        return [disk.writable_image(target)]
     results_folder(target, f"there are {len(photos)} photos")
-    checked_bits(Path(f"normals{suffix}"))
+    disk.checked_bits(Path(f"normals{suffix}"))
     numbered = numbering(photos)
     stems = numbered.stems if numbered else [photo.stem for photo in photos]
     files = [target / f"{stem}{RESULT}{suffix}" for stem in stems]
@@ -216,7 +203,7 @@ def output_files(photos: Sequence[Path], output: AnyPath, kind: str | None = Non
     if twice:
         raise FileError(f"two photos would both be written to {twice}; rename one or estimate them apart")
     for file in files:
-        check_own(file)
+        disk.check_own(file)
     return files
 
 
@@ -228,9 +215,9 @@ def results_folder(output: AnyPath, given: str, what: str = "normals") -> Path:
     Raises FileError if `output` is a file, or cannot be created.
     """
     target = Path(output)
-    if not target.is_dir() and (target.exists() or target.suffix.lower() in PHOTO_SUFFIXES):
+    if not target.is_dir() and (target.exists() or target.suffix.lower() in disk.PHOTO_SUFFIXES):
         raise FileError(f"{target} is one file, but {given}; give a folder")
-    return creatable_folder(target, what)
+    return disk.creatable_folder(target, what)
 
 
 def _without_results(photos: Sequence[Path], given: Path) -> list[Path]:
@@ -246,18 +233,18 @@ def _without_results(photos: Sequence[Path], given: Path) -> list[Path]:
 def _says_made(file: Path) -> bool:
     from mpsnet_core.io.image_reading import image_description
 
-    return file.suffix.lower() in WRITABLE_BITS and says_made(image_description(file))
+    return file.suffix.lower() in disk.WRITABLE_BITS and says_made(image_description(file))
 
 
 def _photos(files: Iterable[Path]) -> list[Path]:
     found = sorted(filter(_is_image, files), key=natural_order)
-    raw = {file.with_suffix("") for file in found if file.suffix.lower() in RAW_SUFFIXES}
-    beside = (".jpg", ".jpeg", *HEIF_SUFFIXES)
+    raw = {file.with_suffix("") for file in found if file.suffix.lower() in disk.RAW_SUFFIXES}
+    beside = (".jpg", ".jpeg", *disk.HEIF_SUFFIXES)
     return [file for file in found if file.suffix.lower() not in beside or file.with_suffix("") not in raw]
 
 
 def _is_image(file: Path) -> bool:
-    return file.suffix.lower() in PHOTO_SUFFIXES and not file.name.startswith(".") and file.is_file()
+    return file.suffix.lower() in disk.PHOTO_SUFFIXES and not file.name.startswith(".") and file.is_file()
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -291,7 +278,7 @@ class PhotoFolder:
             self._listed[folder] = _by_stem(folder)
         alike = [file for stem in {stem.lower() for stem in stems} for file in self._listed[folder].get(stem, [])]
         found = sorted([file for file in alike if file.stem in stems] or alike)
-        raw = [file for file in found if file.suffix.lower() in RAW_SUFFIXES]
+        raw = [file for file in found if file.suffix.lower() in disk.RAW_SUFFIXES]
         if len(raw) == 1 or raw_only:
             return raw[0] if len(raw) == 1 else None
         if len(found) > 1:
@@ -305,7 +292,7 @@ def _by_stem(folder: Path) -> dict[str, list[Path]]:
     found: dict[str, list[Path]] = {}
     try:
         for file in folder.iterdir():
-            if file.suffix.lower() in PHOTO_SUFFIXES and file.is_file():
+            if file.suffix.lower() in disk.PHOTO_SUFFIXES and file.is_file():
                 found.setdefault(file.stem.lower(), []).append(file)
     except (OSError, ValueError):  # missing, or a name that is too long or has a null character
         return {}

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
 from mpsnet_core.errors import FileError
 from mpsnet_core.estimate.registry import registered_models
-from mpsnet_core.operation import Operation, Result, option
+from mpsnet_core.operation import Operation, Result, option, optional, output_option
 from mpsnet_core.progress import Progress, silent
 
 if TYPE_CHECKING:
@@ -46,28 +46,20 @@ class Train(Operation):
     validation: tuple[str, ...] = option(
         default=(), metavar="DIR", help="folder of held-out samples, to measure the network on at the end"
     )
-    checkpoint: str | None = option(
-        default=None,
-        metavar="FILE",
-        help="checkpoint to write during training, for --resume",
-        unset="beside the output",
-        provenance="none",
+    checkpoint: str | None = output_option(
+        "checkpoint to write during training, for --resume", unset="beside the output"
     )
-    resume: str | None = option(
-        default=None,
-        metavar="FILE",
-        help="checkpoint to resume from, or network to train further: a name or .onnx file",
+    resume: str | None = optional(
+        "checkpoint to resume from, or network to train further: a name or .onnx file", metavar="FILE"
     )
-    cache: str | None = option(
-        default=None,
+    cache: str | None = output_option(
+        "folder for the samples in a form that reads fast, which other runs may share and which you may delete",
         metavar="DIR",
-        help="folder for the samples in a form that reads fast, which other runs may share and which you may delete",
         unset="beside the output: NAME.packed",
         path="folder",
-        provenance="none",
     )
     skip_damaged: bool = option(default=False, help="leave damaged samples out, and name them")
-    logs: str | None = option(default=None, metavar="DIR", help="folder of logs for TensorBoard", provenance="none")
+    logs: str | None = output_option("folder of logs for TensorBoard", metavar="DIR")
     stop_after: int = option(
         default=0,
         low=0,

@@ -8,7 +8,7 @@ from mpsnet_core import defaults
 from mpsnet_core.capture.operations import HasLens, HasViewpoint, ReadsPhotos
 from mpsnet_core.errors import SettingsError
 from mpsnet_core.estimate.operations import RunsModel
-from mpsnet_core.operation import Operation, Result, option, optional, output_option, settings
+from mpsnet_core.operation import Operation, Result, convention_option, option, optional, output_option, settings
 from mpsnet_core.progress import Progress, silent
 
 # The work is imported when it is done, and takes the operation.
@@ -41,7 +41,7 @@ class HasScale(HasLens):
         "camera's scale, and where an orthographic camera's mesh stands",
         unset="1 for a perspective camera",
     )
-    unit: str | None = option(default=None, help="name of the unit of these lengths, such as mm")
+    unit: str | None = optional("name of the unit of these lengths, such as mm")
 
 
 @dataclass(frozen=True)
@@ -54,7 +54,7 @@ class MakesProducts(Operation):
         "height map: .exr with float heights, or .png or .tif with 16 bits; FILE.json holds the heights of "
         "black and white"
     )
-    height_bits: int | None = option(default=None, metavar="BITS", help="32 writes float heights into .tif")
+    height_bits: int | None = optional("32 writes float heights into .tif", metavar="BITS")
     mesh: str | None = output_option(
         "make a mesh of the surface, where the photo's camera saw it, with the photo's UVs", metavar=".ply|.glb|.obj"
     )
@@ -121,7 +121,7 @@ class DisplacesMesh(Operation):
         help="broadest bumps that heights on UVs keep, as a fraction of the object's size: broader shapes are "
         "left to the mesh, because estimated normals err most there. 0 keeps all",
     )
-    mean: float | None = option(default=None, help="mean of the heights", unset="the surface stays where it is")
+    mean: float | None = optional("mean of the heights", unset="the surface stays where it is")
     margin: int = option(
         default=defaults.MARGIN,
         low=0,
@@ -141,9 +141,7 @@ class Integrate(DisplacesMesh, MakesProducts, HasScale):
         help="normal map in camera space, as `mpsnet estimate` writes it; or with --uvs a texture",
         provenance="files",
     )
-    convention: Literal["opengl", "directx"] = option(
-        default="opengl", choices=defaults.CONVENTIONS, help="which way the green channel of the normal map points"
-    )
+    convention: Literal["opengl", "directx"] = convention_option(default="opengl", of="the normal map")
     method: Literal["fast", "bilateral"] = option(
         default="fast",
         choices={
@@ -229,10 +227,8 @@ class MakeMaterial(MeasuresPhoto, RunsModel, HasViewpoint, ReadsPhotos):
         "only the tilt of the photo",
     )
     grey: bool = option(default=False, help="make the albedo grey, for lights of unknown strengths")
-    convention: Literal["opengl", "directx"] = option(
-        default="opengl", choices=defaults.CONVENTIONS, help="which way the green channel of the normals points"
-    )
-    name: str | None = option(default=None, help="prefix of the file names", unset="the photo's name")
+    convention: Literal["opengl", "directx"] = convention_option(default="opengl", of="the normals")
+    name: str | None = optional("prefix of the file names", unset="the photo's name")
     output: str = option(metavar="FOLDER", help="folder for the textures", path="folder", provenance="none")
 
     def run(self, progress: Progress = silent) -> Result:

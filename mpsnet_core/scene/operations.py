@@ -5,9 +5,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar, Literal
 
-from mpsnet_core.defaults import CONVENTIONS, ENCODINGS
+from mpsnet_core.defaults import ENCODINGS
 from mpsnet_core.errors import SettingsError
-from mpsnet_core.operation import Operation, Result, option, optional
+from mpsnet_core.operation import Operation, Result, convention_option, option, optional
 from mpsnet_core.progress import Progress, silent
 
 if TYPE_CHECKING:
@@ -169,13 +169,9 @@ class CompareNormals(Operation):
     camera: str | None = optional(
         "camera file of the view, if the true normals are in world space", unset="they are in camera space"
     )
-    convention: Literal["opengl", "directx"] = option(
-        default="opengl", choices=CONVENTIONS, help="which way the green channel of the normal map points"
-    )
-    truth_convention: Literal["opengl", "directx"] = option(
-        default="opengl", choices=CONVENTIONS, help="which way the green channel of the true normal map points"
-    )
-    output: str | None = option(default=None, metavar="FILE", help="image of the errors: .png, .tif or .exr")
+    convention: Literal["opengl", "directx"] = convention_option(default="opengl", of="the normal map")
+    truth_convention: Literal["opengl", "directx"] = convention_option(default="opengl", of="the true normal map")
+    output: str | None = optional("image of the errors: .png, .tif or .exr", metavar="FILE")
 
     def run(self, progress: Progress = silent) -> NormalsCompared:
         """Compare them, and write the error image if requested."""

@@ -137,9 +137,6 @@ def texture_sets(
     """
     if not any(texel_areas(mesh.uvs).any() for mesh in meshes):
         raise GeometryError("the mesh's UVs have no area; unwrap it in Blender (UV > Smart UV Project)")
-    if not (tiles or materials or objects):
-        _log_uvs_outside_tiles(meshes, "0 to 1", 1, 1)
-        return [TextureSet((None,) * len(meshes))]
     found = []
     for obj, material, parts in _groups(meshes, materials, objects):
         group = TextureSet(parts, None, material, obj)

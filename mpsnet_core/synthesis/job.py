@@ -3,22 +3,20 @@
 import os
 import re
 import time
-from dataclasses import asdict, dataclass, replace
+from dataclasses import MISSING, asdict, dataclass, replace
 from pathlib import Path
-from typing import Any, Literal
+from typing import Literal
 
 from mpsnet_core.errors import FileError, FormatError, InputError, SettingsError, check_choice
 from mpsnet_core.io.claims import LOCK_FILE, Claims
 from mpsnet_core.io.files import check_no_link, ensure_folder, read_json, write_json
 from mpsnet_core.io.opening import AnyPath
+from mpsnet_core.synthesis.capture_model import check_fields, limited, with_tuples
 
 JOB_FORMAT = "mpsnet-samples"
 JOB_VERSION = 1
 JOB_FILE = "job.json"
 CONTACT_SHEET = "contact_sheet.png"
-RENDERERS = ("synthesis", "cycles")
-MERL_PARTS = ("all", "training", "validation")
-STYLES = ("photographs", "paper", "paper-all-materials", "paper-one-rig")
 SHAPES = ("blobs", "drapery", "reliefs", "groups", "hollows", "meshes", "scene")
 MAX_COUNT = 10_000_000
 MAX_BOUNCES = 3  # of the synthesis
@@ -26,23 +24,6 @@ MAX_BOUNCES = 3  # of the synthesis
 FOLDER_CLAIM = MAX_COUNT
 FOLDER_SECONDS = 20.0
 
-# Smallest and largest value of each integer setting.
-RANGES = {
-    "count": (1, MAX_COUNT),
-    "seed": (0, 2**63 - 1),
-    "size": (8, 8192),
-    "views": (1, 10_000),
-    "bounces": (0, 32),
-    "samples": (1, 65536),
-    "supersampling": (1, 16),
-    "sample_seconds": (1, 10_000_000),
-}
-# The kinds of the others.
-_KINDS: dict[str, tuple[type, str]] = {
-    "denoise": (bool, "true or false"),
-    **dict.fromkeys(("meshes", "merl"), (str, "a path")),
-    **dict.fromkeys(("shapes", "objects"), (tuple, "a list of names")),
-}
 # Settings that another run of the same job may change.
 _NOT_OF_SAMPLES = ("count", "sample_seconds")
 
@@ -56,11 +37,11 @@ class SampleJob:
 
     renderer: Literal["synthesis", "cycles"]
     """"synthesis" (this package) or "cycles" (Blender)."""
-    count: int
+    count: int = limited(MISSING, 1, MAX_COUNT)
     """Number of samples."""
-    seed: int = 0
+    seed: int = limited(0, 0, 2**63 - 1)
     """Seed of the random draws: the same seed gives the same samples."""
-    size: int = 256
+    size: int = limited(256, 8, 8192)
     """Side of the images in pixels."""
     shapes: tuple[str, ...] = ("blobs", "drapery", "reliefs", "groups")
     """Kinds of shapes."""
@@ -73,37 +54,28 @@ class SampleJob:
     (synthesis only)."""
     merl_part: Literal["all", "training", "validation"] = "all"
     """Which measured materials to use: every fifth, sorted by name, is in "validation", the others in "training"."""
-    views: int = 1
+    views: int = limited(1, 1, 10_000)
     """Number of consecutive samples that show the same shape."""
-    bounces: int = 1
+    bounces: int = limited(1, 0, 32)
     """Maximum number of bounces between surfaces; at most 3 for synthesis."""
-    samples: int = 48
+    samples: int = limited(48, 1, 65536)
     """Cycles samples per pixel."""
     denoise: bool = True
     """Whether to denoise Cycles' indirect light."""
-    supersampling: int = 1
+    supersampling: int = limited(1, 1, 16)
     """Rays along a pixel's side."""
     style: Literal["photographs", "paper", "paper-all-materials", "paper-one-rig"] = "photographs"
     """"photographs" covers what users photograph. "paper" is like the MPS-Net paper (synthesis only): its rig and the
     rigs of its evaluation, two or more measured materials that are matt and of weak colour, no paint, dirt or fine
     relief. "paper-all-materials" takes glossy, metallic and strongly coloured ones besides, as the paper does;
     "paper-one-rig" uses the paper's own rig only."""
-    sample_seconds: int = 3600
+    sample_seconds: int = limited(3600, 1, 10_000_000)
     """Time limit in seconds of a worker for one sample."""
 
     def __post_init__(self) -> None:
-        check_choice("the renderer", self.renderer, RENDERERS)
-        check_choice("the merl_part", self.merl_part, MERL_PARTS)
-        check_choice("the style", self.style, STYLES)
-        for name, (low, high) in RANGES.items():
-            value = getattr(self, name)
-            if type(value) is not int or not low <= value <= high:
-                raise SettingsError(f"the job's {name} must be a whole number from {low} to {high}, not {value!r}")
-        for name, (kind, words) in _KINDS.items():
-            value = getattr(self, name)
-            entries = list(value) if kind is tuple and type(value) is tuple else ["-"]
-            if not (isinstance(value, kind) and all(isinstance(entry, str) and entry for entry in entries)):
-                raise SettingsError(f"the job's {name} must be {words}, not {value!r}")
+        check_fields(self, "the job's")
+        for name in ("shapes", "objects"):
+            entries = getattr(self, name)
             if len(set(entries)) < len(entries):
                 raise SettingsError(f"the job's {name} name one twice ({', '.join(entries)}); name each once")
         if not self.shapes:
@@ -149,12 +121,10 @@ def read_job(folder: AnyPath) -> SampleJob:
     """The job of a folder. Raises FileError if there is none, FormatError if it is malformed."""
     names = tuple(SampleJob.__dataclass_fields__)
     data = read_json(Path(folder) / JOB_FILE, JOB_FORMAT, JOB_VERSION, names)
-    values: dict[str, Any] = {
-        key: tuple(value) if isinstance(value, list) else value for key, value in data.items() if key in names
-    }
-    missing = [name for name in ("renderer", "count") if name not in values]
-    if missing:
-        raise FormatError(f'{Path(folder) / JOB_FILE} lacks "{missing[0]}"; add it')
+    values = with_tuples({key: value for key, value in data.items() if key in names})
+    for name in ("renderer", "count"):
+        if name not in values:
+            raise FormatError(f'{Path(folder) / JOB_FILE} lacks "{name}"; add it')
     try:
         return SampleJob(**values)
     except InputError as error:

@@ -6,9 +6,10 @@ from pathlib import Path
 from typing import Any, ClassVar, Literal
 
 from mpsnet_core.errors import InputError, SettingsError
-from mpsnet_core.operation import Operation, Result, option
+from mpsnet_core.operation import Operation, Result, option, optional
 from mpsnet_core.progress import Progress, part, silent
-from mpsnet_core.synthesis.job import CONTACT_SHEET, MAX_BOUNCES, RANGES, SampleJob, read_job
+from mpsnet_core.synthesis.capture_model import limits_of
+from mpsnet_core.synthesis.job import CONTACT_SHEET, MAX_BOUNCES, SampleJob, read_job
 
 # On one machine.
 MAX_PROCESSES = 1024
@@ -18,7 +19,7 @@ NAMED = 10
 
 def job_number(name: str, help: str) -> Any:
     """The option for the integer setting `name` of a job."""
-    low, high = RANGES[name]
+    low, high = limits_of(SampleJob)[name]
     return option(default=getattr(SampleJob, name, MISSING), low=low, high=high, help=help)
 
 
@@ -128,11 +129,10 @@ class Synthesize(RunsWorkers):
     )
     seed: int = job_number("seed", "seed of the random draws: the same seed gives the same samples")
     size: int = job_number("size", "width and height of a sample in pixels")
-    shapes: str | None = option(
-        default=None,
-        metavar="KIND,...",
-        help="kinds of shapes: blobs, drapery, reliefs, groups, hollows, meshes; if not given, meshes with --meshes, "
+    shapes: str | None = optional(
+        "kinds of shapes: blobs, drapery, reliefs, groups, hollows, meshes; if not given, meshes with --meshes, "
         "else all others",
+        metavar="KIND,...",
     )
     meshes: str = option(default="", metavar="FOLDER", help="folder of mesh files to take shapes from", path="folder")
     merl: str = option(default="", metavar="PATH", help="measured materials: a folder of MERL files, or .npz of fits")
@@ -259,8 +259,8 @@ class ShowSamples(Operation):
 
     path: tuple[str, ...] = option(positional=True, help="a sample, a folder of samples, or a photo", provenance="none")
     count: int = option(default=8, low=1, help="how many of a folder's samples to show, evenly spread")
-    output: str | None = option(
-        default=None, help="picture: .png or .tif", unset="NAME_sheet.png in the current folder", provenance="none"
+    output: str | None = optional(
+        "picture: .png or .tif", unset="NAME_sheet.png in the current folder", provenance="none"
     )
 
     def run(self, progress: Progress = silent) -> SamplesShown:

@@ -8,6 +8,7 @@ import numpy as np
 from mpsnet_core.arrays.types import F64
 from mpsnet_core.errors import FormatError, InputError
 from mpsnet_core.scene.camera import Camera, camera_data, camera_from_data
+from mpsnet_core.synthesis.capture_model import with_tuples
 
 SCENE_VERSION = 1
 
@@ -159,11 +160,11 @@ def scene_from_data(data: dict[str, Any]) -> SceneDescription:
             camera=camera_from_data(data["camera"]),
             light_directions=np.array(data["light_directions"], np.float64).reshape(3, 3),
             light_sizes=np.array(data["light_sizes"], np.float64).reshape(3),
-            materials=tuple(_dataclass_of(Material, entry) for entry in data["materials"]),
-            pattern=_dataclass_of(Pattern, data["pattern"]),
-            paint=_dataclass_of(Paint, data["paint"]),
-            dirt=_dataclass_of(Dirt, data["dirt"]),
-            bump=_dataclass_of(Bump, data["bump"]),
+            materials=tuple(Material(**with_tuples(entry)) for entry in data["materials"]),
+            pattern=Pattern(**with_tuples(data["pattern"])),
+            paint=Paint(**with_tuples(data["paint"])),
+            dirt=Dirt(**with_tuples(data["dirt"])),
+            bump=Bump(**with_tuples(data["bump"])),
             bounces=int(data["bounces"]),
         )
     except InputError:
@@ -172,11 +173,6 @@ def scene_from_data(data: dict[str, Any]) -> SceneDescription:
         raise FormatError(f"its recipe is not known to this program: it lacks {error}; make it again") from None
     except (TypeError, ValueError, AttributeError, OverflowError):
         raise FormatError("its recipe is not known to this program; make it again") from None
-
-
-def _dataclass_of(kind: type, data: dict[str, Any]) -> Any:
-    # JSON has lists in place of tuples.
-    return kind(**{key: tuple(value) if isinstance(value, list) else value for key, value in data.items()})
 
 
 def _plain(value: Any) -> Any:

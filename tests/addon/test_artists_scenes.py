@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from blender_addon.images import image_file, load_photo
-from blender_addon.rig.light_rig import light_rig
+from blender_addon.rig.rig import light_rig
 from blender_addon.scene.mesh_file import begin_mesh
 from blender_addon.settings.record import notes_of
 from mpsnet_core import read_mesh, read_rig

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from mathutils import Matrix, Vector
 
-from blender_addon.rig.light_rig import light_rig
+from blender_addon.rig.rig import light_rig
 from blender_addon.scene.mesh_file import begin_mesh
 from mpsnet_core import InputError, angular_error, read_mesh, read_normals
 

@@ -8,7 +8,7 @@ import bpy
 import numpy as np
 import pytest
 
-from blender_addon.bake.texture_owners import refuse_other_projects
+from blender_addon.bake.texture_sets import refuse_other_projects
 from blender_addon.image_records import remember
 from blender_addon.images import load_frames, load_image
 from mpsnet_core import Camera, InputError, NormalMap, angular_error, write_camera, write_normals
@@ -133,7 +133,7 @@ def test_another_blend_files_texture_is_told_from_ones_own(estimated, scene, tmp
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "chair_2.blend"))
     bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "table.blend"))
     refuse_other_projects([texture])  # this session has written it
-    monkeypatch.setattr("blender_addon.provenance._written", {})
+    monkeypatch.setattr("blender_addon.image_records._written", {})
     sentence = f"{texture} is there already, and no image of this file shows it: it may be that of chair.blend"
     with pytest.raises(InputError, match=re.escape(sentence)):
         refuse_other_projects([texture])

@@ -13,13 +13,13 @@ import pytest
 from blender_addon.appearance.modifiers import move_by_modifier, subdivide
 from blender_addon.child_process.core_process import CoreProcess
 from blender_addon.child_process.simulation_caches import simulations_write_into
+from blender_addon.image_records import made_when
 from blender_addon.outputs import is_safe_to_open
 from blender_addon.panels.step import Kind
 from blender_addon.panels.text import lines, shortened
 from blender_addon.photo.background_render import rendering_blender, written_job
-from blender_addon.provenance import made_when
 from blender_addon.settings.scene import STEPS
-from blender_addon.training.samples.worker import _Worker
+from blender_addon.training.samples.render import _make
 from blender_addon.training.training_data import SCENE_FILE
 from mpsnet_core.synthesis.job import SampleJob
 
@@ -293,7 +293,7 @@ def test_no_simulation_writes_or_clears_where_the_file_says(theirs, tmp_path, wh
         (theirs / name).mkdir(parents=True)
         (theirs / name / "mine.txt").write_text("mine")
     if what == "sample":
-        _Worker().make(job, 0, output / "sample_000000.exr")
+        _make(job, 0, output / "sample_000000.exr")
     else:
         CoreProcess(arguments, [output], rendering_blender(folder)).result()
     assert sorted(path.name for path in theirs.rglob("*")) == ["data", "mine.txt", "mine.txt", "points"]

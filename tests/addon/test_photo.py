@@ -8,7 +8,7 @@ import pytest
 from blender_addon.image_records import origin
 from blender_addon.panels.photo import note_of_step
 from blender_addon.photo.studio import render_normals
-from blender_addon.rig.light_rig import light_rig
+from blender_addon.rig.rig import light_rig
 from blender_addon.scene.camera import scene_camera
 from blender_addon.settings.record import notes_of
 from mpsnet_core import read_image, write_image

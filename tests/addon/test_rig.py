@@ -8,7 +8,7 @@ import pytest
 from bpy_extras.object_utils import world_to_camera_view
 from mathutils import Matrix, Vector
 
-from blender_addon.rig.light_rig import light_rig
+from blender_addon.rig.rig import light_rig
 from blender_addon.scene.camera import scene_camera
 from blender_addon.scene.surfaces import bounding_sphere
 

@@ -11,8 +11,7 @@ from documentation import PROJECT
 from blender_addon.panels.estimate import MPS_PT_estimate
 from blender_addon.panels.photo import MPS_PT_photo
 from blender_addon.panels.step import Kind
-from blender_addon.rig.light_rig import light_rig
-from blender_addon.rig.several_rigs import all_rigs
+from blender_addon.rig.rig import light_rig
 from blender_addon.settings.record import error_of, notes_of
 from blender_addon.settings.scene import STEPS
 from mpsnet_core.io.image_reading import read_image
@@ -166,7 +165,7 @@ def test_all_rigs_are_photographed_and_estimated_each_with_its_own_settings(two_
     bpy.ops.mps.render_photo(all_rigs=True)
     bpy.ops.mps.estimate(all_rigs=True)
     assert scene.mps.chosen_rig == 0
-    rigs = list(all_rigs(scene))
+    rigs = list(scene.mps.every_rig)
     assert [(one.rig.slant, one.photo.width, one.estimate.model) for one in rigs] == [
         (pytest.approx(30), 96, "LAMBERTIAN"),
         (pytest.approx(40), 64, "LAMBERTIAN_GREY_WORLD"),
@@ -184,13 +183,13 @@ def test_what_is_given_holds_for_all_rigs_and_a_folder_takes_the_files_of_all(tw
     with pytest.raises(RuntimeError, match=r"all rigs would write .*same\.exr; give a folder"):
         bpy.ops.mps.render_photo(all_rigs=True, output=str(tmp_path / "same.exr"), **size)
     bpy.ops.mps.render_photo(all_rigs=True, output=f"{tmp_path}/shots/", **size)
-    assert [tuple(one.photo.image.size) for one in all_rigs(scene)] == [(16, 24)] * 2
+    assert [tuple(one.photo.image.size) for one in scene.mps.every_rig] == [(16, 24)] * 2
     names = {"Scene_Rig_1_photo.exr", "Scene_Rig_2_photo.exr"}
     assert {file.name for file in (tmp_path / "shots").glob("*.exr")} == names
 
 
 def test_rigs_that_would_write_into_one_file_are_refused(two_rigs, scene, tmp_path):
-    for one, folder in zip(all_rigs(scene), (tmp_path, f"{tmp_path}/../{tmp_path.name}"), strict=True):
+    for one, folder in zip(scene.mps.every_rig, (tmp_path, f"{tmp_path}/../{tmp_path.name}"), strict=True):
         one.estimate.output = f"{folder}/same.png"
     with pytest.raises(RuntimeError, match=r"Rig 2: another rig's result is .*same\.png, too"):
         bpy.ops.mps.estimate(all_rigs=True)
@@ -201,7 +200,7 @@ def test_a_rig_that_fails_is_named_and_what_was_done_before_stays(two_rigs, scen
     bpy.data.objects.remove(lost)
     with pytest.raises(RuntimeError, match="Rig 2: the rig's red light was deleted"):
         bpy.ops.mps.render_photo(all_rigs=True, width=16)
-    assert [one.photo.image.size[0] for one in all_rigs(scene)] == [16, 64]
+    assert [one.photo.image.size[0] for one in scene.mps.every_rig] == [16, 64]
     assert scene.mps.chosen_rig == 1 and error_of(scene, "render_photo").startswith("Rig 2: ")
     bpy.ops.mps.choose_rig(index=0)
     assert not error_of(scene, "render_photo")
@@ -214,7 +213,7 @@ def test_a_script_goes_through_a_ring_of_rigs_as_the_documentation_has_it(sphere
     page = (PROJECT / "docs/how_to/headless.md").read_text(encoding="utf-8")
     (lines,) = re.findall(r"(bpy\.ops\.mps\.add_rig_ring.*?)```", page, re.DOTALL)
     exec(lines, {"bpy": bpy})
-    assert len({one.estimate.image for one in all_rigs(scene)} - {None}) == 2
+    assert len({one.estimate.image for one in scene.mps.every_rig} - {None}) == 2
     assert int(re.search("([0-9]+)% of the surface seen", capfd.readouterr().out)[1]) > 60
 
 

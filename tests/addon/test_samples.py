@@ -6,8 +6,8 @@ import bpy
 import numpy as np
 import pytest
 
-from blender_addon.training.samples.objects import open_objects
 from blender_addon.training.samples.render import render_sample
+from blender_addon.training.samples.scene import open_objects
 from mpsnet_core import Camera, InputError, published_rig
 from mpsnet_core.arrays.unit_vectors import angular_error, normalised
 from mpsnet_core.synthesis.scene_description import Bump, Material, Pattern, SceneDescription

@@ -7,7 +7,7 @@ import bpy
 import numpy as np
 import pytest
 
-from blender_addon.bake.animated_mesh import AnimatedMesh
+from blender_addon.bake.bake import begin_frames
 from blender_addon.scene.mesh_file import begin_mesh
 from blender_addon.settings.record import notes_of
 from mpsnet_core import InputError, published_rig, read_camera, read_image, read_normals, write_image, write_rig
@@ -138,11 +138,11 @@ def waving(scene, tmp_path):
     for number in NUMBERS:
         camera.location.x = number
         camera.keyframe_insert("location", frame=number)
-    return AnimatedMesh(tmp_path, scene.session_uid, grid.session_uid, "", camera.session_uid, (40, 30))
+    return lambda: begin_frames(tmp_path, NUMBERS, "", scene, grid, camera, (40, 30))
 
 
 def test_only_the_first_frame_is_read_at_once_and_the_person_sees_none(waving, scene, tmp_path):
-    begun, grid = waving.begin(NUMBERS), bpy.data.objects["Grid"]
+    begun, grid = waving(), bpy.data.objects["Grid"]
     assert begun.uv_map == "UVMap" and not (tmp_path / "camera_000009.json").exists()
     longs = 0
     for is_long in begun.slices:
@@ -166,7 +166,7 @@ def test_only_the_first_frame_is_read_at_once_and_the_person_sees_none(waving, s
 
 @pytest.mark.parametrize("gone", ["target", "camera"])
 def test_what_is_deleted_while_frames_are_read_is_reported(waving, tmp_path, gone):
-    slices = waving.begin(NUMBERS).slices
+    slices = waving().slices
     next(slices)
     bpy.data.objects.remove(bpy.data.objects["Grid" if gone == "target" else "Camera"])
     with pytest.raises(InputError, match=f"the {gone} was deleted before all frames were read; undo that"):

@@ -60,7 +60,7 @@ def is_record(found: ast.AST) -> bool:
 def options(tree: ast.Module) -> set[str]:
     """The functions by which a module makes options: those of every module, and its own that return one."""
     own = [found for found in tree.body if isinstance(found, ast.FunctionDef)]
-    made = {"option", "optional", "output_option"}
+    made = {"option", "optional", "output_option", "convention_option"}
     return {*made, *(found.name for found in own if ast.unparse(found.body[-1]).startswith("return option("))}
 
 

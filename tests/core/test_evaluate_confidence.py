@@ -54,6 +54,7 @@ def test_photos_are_pooled() -> None:
 
 def test_a_networks_confidence_is_reported(tmp_path: Path) -> None:
     """A network that trusts what faces the camera: on a coloured sphere, rows and page say how far that holds."""
+    pytest.importorskip("scipy")
     diligent_object(tmp_path / "pmsData", "ball", (0.4, 0.3, 0.2))
     weights = {"w": np.eye(3, dtype=np.float32)[..., None, None], "z": np.float32([0, 0, 1]).reshape(1, 3, 1, 1)}
     outputs = {"normals": ("n", 3, None, None), "confidence": ("n", 1, None, None)}

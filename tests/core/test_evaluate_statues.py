@@ -106,6 +106,7 @@ def test_statues_throw_shadows_and_their_light_bounces_when_asked(bumpy: Path) -
 
 
 def test_diligent_is_scored_where_it_faces_all_lights(tmp_path: Path) -> None:
+    pytest.importorskip("scipy")
     sphere = diligent_object(tmp_path, "ball")
     test = EvaluateDiligent(folder=tmp_path, lights="1,2,3", protocol="white", model="lambertian")
     (row,) = test.run().rows

@@ -14,6 +14,8 @@ from mpsnet_core.learning.evaluation.operations import EvaluateDiligent
 from mpsnet_core.learning.evaluation.report import HIGHEST_ERROR, TILE_HEIGHT, case_picture, open_report
 from mpsnet_core.scene.pictures import GAP, TITLE_HEIGHT, error_picture
 
+pytest.importorskip("scipy")
+
 
 def test_a_case_is_shown_with_each_model_on_one_scale(tmp_path: Path) -> None:
     diligent_object(tmp_path, "ball", (0.4, 0.3, 0.2))

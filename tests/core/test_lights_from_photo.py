@@ -10,7 +10,7 @@ import pytest
 
 from mpsnet_core import Estimate, GeometryError, SettingsError, Superpose, read_normals, read_rig, write_image
 from mpsnet_core.estimate.lights.find import find_lights
-from mpsnet_core.estimate.lights.operation import CalibratePhoto
+from mpsnet_core.estimate.operations import CalibratePhoto
 
 SIDE = 160
 LIGHTS = np.array([[0.5, 0.3, 0.81], [-0.6, 0.35, 0.72], [0.1, -0.55, 0.83]])

@@ -110,7 +110,7 @@ def test_where_the_mesh_is_not_seen_the_nearest_turn_holds() -> None:
     away = camera_looking((1, 0, 0), size=64, target=(0, 50, 0))
     untouched = NormalMap(np.broadcast_to([0.6, 0, 0.8], (64, 64, 3)), np.ones((64, 64), bool))
     assert np.array_equal(correct_low_frequencies(untouched, away, MESH).vectors, untouched.vectors)
-    assert find_low_frequency_correction(untouched, away, MESH).mean_angle == 0
+    assert find_low_frequency_correction(untouched, away, MESH, None, 0.1, False).mean_angle == 0
 
 
 @pytest.mark.long

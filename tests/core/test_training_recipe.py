@@ -67,12 +67,12 @@ def test_the_capture_model_s_own_numbers_may_stand_in_a_recipe() -> None:
     ("capture", "words"),
     [
         ({"crostalk": [0, 0]}, "has no 'crostalk'; choose crosstalk, "),
-        ({"crosstalk": 0.1}, r"needs numbers like \[0.0, 0.4\] as crosstalk, from 0 to 0.9, not 0.1"),
-        ({"blur": [1.2, 0.3]}, r"needs the least and the most blur, not \[1.2, 0.3\]"),
-        ({"light_strengths": [0, 1]}, "as light_strengths, from 0.001 to 1000, not"),
-        ({"light_strengths": [1.0, float("nan")]}, "as light_strengths, from 0.001 to 1000, not"),
-        ({"bits": []}, "has no bits; name at least one"),
-        ({"exact": -1}, "needs a number like 0.33 as exact"),
+        ({"crosstalk": 0.1}, "crosstalk must be the least and the most, each from 0 to 0.9, not 0.1"),
+        ({"blur": [1.2, 0.3]}, "blur must be the least and the most"),
+        ({"light_strengths": [0, 1]}, "light_strengths must be"),
+        ({"light_strengths": [1.0, float("nan")]}, "light_strengths must be"),
+        ({"bits": []}, "bits must be a whole number"),
+        ({"exact": -1}, "exact must be"),
     ],
 )
 def test_a_capture_that_no_model_has_is_refused(capture: object, words: str) -> None:

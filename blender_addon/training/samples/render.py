@@ -1,26 +1,36 @@
-"""One Cycles render per sample: three light groups, normals, alpha and materials in one multi-layer EXR."""
+"""One Cycles render per sample: three light groups, normals, alpha and materials in one multi-layer EXR.
+
+Each light group is denoised by OpenImageDenoise in the compositor: Cycles denoises the combined image alone. The farm
+starts several Blenders that render samples on request.
+"""
 
 import os
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
 import bpy
 import numpy as np
 
-from mpsnet_core.errors import FileError
-from mpsnet_core.io.files import unfinished_path
-from mpsnet_core.synthesis.cycles import sample_from_cycles
-from mpsnet_core.synthesis.farm.work import THREADS_VARIABLE
-from mpsnet_core.synthesis.sample import Sample
+from mpsnet_core.errors import FileError, InputError
+from mpsnet_core.io.files import temporary_folder, unfinished_path
+from mpsnet_core.synthesis.cycles import LIGHT_GROUPS, sample_from_cycles
+from mpsnet_core.synthesis.farm.work import THREADS_VARIABLE, serve
+from mpsnet_core.synthesis.job import SampleJob
+from mpsnet_core.synthesis.sample import Sample, write_sample
 from mpsnet_core.synthesis.scene_description import SceneDescription
-from mpsnet_core.synthesis.shapes import Shape
+from mpsnet_core.synthesis.scene_sampling import draw_scene
+from mpsnet_core.synthesis.shapes import Shape, build_shape
 
-from ...errors import operator_report
+from ...child_process.simulation_caches import simulations_write_into
+from ...errors import operator_errors
 from ...outputs import with_escaped_braces
-from .denoising import add_denoising, denoising_helps
+from ..training_data import SCENE_FILE
 from .materials import weight_passes
-from .objects import SceneObjects, add_objects
-from .scene import add_shape, sample_scene
+from .scene import SceneObjects, add_objects, add_shape, open_objects, sample_scene
+
+LAYER = "ViewLayer"  # the view layer's name, which the names of a render's passes begin with
+_FRAME = 1  # Blender 4.5 appends its number to the name of the compositor's file
 
 
 def render_sample(
@@ -82,10 +92,100 @@ def render_layers(scene: Any, path: Path) -> None:
     settings.file_format = "OPEN_EXR_MULTILAYER"
     settings.color_mode, settings.color_depth, settings.exr_codec = "RGBA", "32", "ZIPS"
     render.filepath = with_escaped_braces(path)
-    try:
+    with operator_errors(f"Blender could not render {path}", "see what it printed"):
         # With denoising, the compositor writes the file.
         bpy.ops.render.render(write_still=not render.use_compositing, scene=scene.name)
-    except RuntimeError as error:
-        raise FileError(f"Blender could not render {path}: {operator_report(error)}") from None
     if not path.is_file():
         raise FileError(f"Blender did not write {path}: the render was cancelled or its disk is full; try again")
+
+
+def denoising_helps(recipe: SceneDescription) -> bool:
+    """Whether denoising brings the light closer to the converged render.
+
+    Direct light has hardly any noise: denoising would remove its texture and highlights. Indirect light is noisy.
+    """
+    return recipe.bounces > 0
+
+
+def add_denoising(scene: Any, passes: list[str], path: Path) -> Path:
+    """Have the compositor write the scene's next render with its light groups denoised. Returns that file's path.
+
+    The file is like a render's own multi-layer EXR. Its path is `path`, with a number that Blender 4.5 appends. passes:
+    its passes in addition to Combined and Normal.
+    """
+    scene.frame_set(_FRAME)
+    scene.view_layers[0].cycles.denoising_store_passes = True
+    render = scene.render
+    render.use_compositing, render.use_file_extension = True, True
+    render.compositor_device, render.compositor_precision = "CPU", "FULL"
+    if bpy.app.version >= (5, 0):
+        scene.compositing_node_group = tree = bpy.data.node_groups.new("MPS Denoising", "CompositorNodeTree")
+    else:
+        scene.use_nodes = True
+        tree = scene.node_tree
+        tree.nodes.clear()
+    rendered = tree.nodes.new("CompositorNodeRLayers")
+    rendered.scene = scene
+    output = tree.nodes.new("CompositorNodeOutputFile")
+    if bpy.app.version >= (5, 0):
+        output.format.media_type = "MULTI_LAYER_IMAGE"
+        output.directory, output.file_name = with_escaped_braces(path.parent), path.stem
+    else:
+        output.base_path = with_escaped_braces(path.with_suffix(""))
+        path = path.with_name(f"{path.stem}{_FRAME:04d}{path.suffix}")
+    output.format.file_format = "OPEN_EXR_MULTILAYER"
+    output.format.color_mode, output.format.color_depth, output.format.exr_codec = "RGBA", "32", "ZIPS"
+    if bpy.app.version < (5, 0):
+        output.layer_slots.clear()
+
+    def add(kind: str, name: str, image: Any) -> None:
+        """Write an image as a layer. kind: RGBA, VECTOR or FLOAT."""
+        name = f"{LAYER}.{name}"
+        if bpy.app.version >= (5, 0):
+            output.file_output_items.new(kind, name)
+        else:
+            output.layer_slots.new(name)
+        tree.links.new(image, output.inputs[name])
+
+    add("RGBA", "Combined", rendered.outputs["Image"])
+    add("VECTOR", "Normal", rendered.outputs["Normal"])
+    for one in passes:
+        kind = "FLOAT" if rendered.outputs[one].type == "VALUE" else "RGBA"
+        add(kind, one, rendered.outputs[one])
+    for group in LIGHT_GROUPS:
+        denoise = tree.nodes.new("CompositorNodeDenoise")
+        # The guide passes have almost no noise, and prefiltering would remove fine texture.
+        if bpy.app.version >= (5, 0):
+            denoise.inputs["Prefilter"].default_value, denoise.inputs["Quality"].default_value = "None", "High"
+        else:
+            denoise.prefilter, denoise.quality = "NONE", "HIGH"
+        combined = f"Combined_{group}"
+        tree.links.new(rendered.outputs[combined], denoise.inputs["Image"])
+        tree.links.new(rendered.outputs["Denoising Normal"], denoise.inputs["Normal"])
+        tree.links.new(rendered.outputs["Denoising Albedo"], denoise.inputs["Albedo"])
+        add("RGBA", combined, denoise.outputs[0])
+    return path
+
+
+def work(folder: str | os.PathLike[str]) -> None:
+    """Make the samples of the job in `folder` that are requested on stdin, see :mod:`mpsnet_core.synthesis.farm.work`.
+
+    If the job uses a scene's own objects, the folder's ``scene.blend`` is opened.
+    """
+    serve(folder, _make)
+
+
+def _make(job: SampleJob, number: int, path: Path) -> None:
+    if job.renderer != "cycles":
+        raise InputError(f"the job in {path.parent} is not for Blender; continue it with mpsnet make")
+    recipe = draw_scene(job, number)
+    of_scene = recipe.shape["kind"] == "scene"
+    shown = _objects(path.parent, job.objects) if of_scene else build_shape(recipe.shape, job.meshes)
+    write_sample(path, render_sample(recipe, shown, job.samples, path, denoise=job.denoise))
+
+
+@lru_cache(maxsize=1)
+def _objects(folder: Path, names: tuple[str, ...]) -> SceneObjects:
+    """The scene's own objects, which are read once."""
+    with temporary_folder() as caches, simulations_write_into(caches):
+        return open_objects(folder / SCENE_FILE, names)

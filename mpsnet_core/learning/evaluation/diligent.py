@@ -1,8 +1,8 @@
 """Test on DiLiGenT (Shi et al. 2016): one-shot captures multiplexed from photographs under white light."""
 
 from collections.abc import Sequence
-from dataclasses import asdict
 from functools import lru_cache, partial
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -16,23 +16,17 @@ from mpsnet_core.errors import FileError, FormatError, GeometryError, InputError
 from mpsnet_core.estimate.estimator import usable_channels
 from mpsnet_core.io.files import existing_file
 from mpsnet_core.io.image_reading import read_data, read_mask
-from mpsnet_core.io.opening import AnyPath
+from mpsnet_core.io.opening import DAMAGED, AnyPath
 from mpsnet_core.learning.evaluation.evaluation import Evaluation, table_of_errors
-from mpsnet_core.learning.evaluation.matfile import read_mat_array
 from mpsnet_core.learning.evaluation.measure import Case, Row, white_choices
 from mpsnet_core.learning.evaluation.operations import EvaluateDiligent
-from mpsnet_core.learning.evaluation.published import (
-    OBJECTS,
-    PUBLISHED_LIGHTS,
-    DiligentFigure,
-    Lights,
-    diligent_figures,
-)
+from mpsnet_core.learning.evaluation.published import OBJECTS, PUBLISHED_LIGHTS, Lights, diligent_figures
 from mpsnet_core.scene.rig import LightRig
 from mpsnet_core.synthesis.reflectance.lambertian_error import PUBLISHED_MIXING
 
 # Weights of a white photograph's R, G, B in one channel of the capture: c_i = Σ_j P_ij I_k(i),j.
 PROTOCOLS: dict[str, F64] = {"separated": np.eye(3), "published": PUBLISHED_MIXING, "white": np.full((3, 3), 1 / 3)}
+MAX_TRUTH_BYTES = 64 << 20
 DAMAGED_PHOTOGRAPHS = 20  # of the bear, by the data set's authors
 BRIGHT_FACING = "bright_facing_mae_deg"
 
@@ -79,7 +73,17 @@ def read_diligent(folder: AnyPath, lights: Lights, protocol: str, *, white: bool
 
 def read_truth(folder: AnyPath) -> F32:
     """(H, W, 3) true normals in camera space. Raises InputError if they are missing."""
-    truth = read_mat_array(Path(folder) / "Normal_gt.mat", "Normal_gt")
+    path = existing_file(Path(folder) / "Normal_gt.mat", "MATLAB file")
+    if path.stat().st_size > MAX_TRUTH_BYTES:
+        raise FormatError(f"MATLAB file {path} is larger than 64 MiB; it is not DiLiGenT's")
+    try:
+        matlab = import_module("scipy.io.matlab")
+    except ModuleNotFoundError:
+        raise SettingsError("true normals need SciPy: pip install '.[train]' in a copy of the repository") from None
+    try:
+        truth = np.asarray(matlab.loadmat(path, variable_names=["Normal_gt"])["Normal_gt"], np.float64)
+    except (*DAMAGED, matlab.MatReadError) as error:
+        raise FormatError(f"{path} is damaged, or holds no numbers called Normal_gt ({error}); copy it again") from None
     if truth.ndim != 3 or truth.shape[2] != 3:
         raise FormatError(f"{folder}: Normal_gt has shape {truth.shape}, expected height x width x 3")
     return normalised(truth).astype(np.float32)
@@ -125,9 +129,9 @@ class Diligent(Evaluation):
             measured = [row for row in rows if row.labels["protocol"] == protocol]
             for model in dict.fromkeys(row.labels["model"] for row in measured):
                 lines += _with_means([row for row in measured if row.labels["model"] == model])
-            paper = self._figures(rows) if protocol == "published" else []
-            lines += _with_means([_row(figure) for figure in paper if figure.lights])
-            lines += [_row(figure).labelled(lights="figure 8") for figure in paper if not figure.lights]
+            paper = self.published(rows) if protocol == "published" else []
+            lines += _with_means([_row(figure) for figure in paper if figure["lights"]])
+            lines += [_row(figure).labelled(lights="figure 8") for figure in paper if not figure["lights"]]
         table = table_of_errors(lines, ("protocol", "model", "lights"), "object")
         if all(row.figure(BRIGHT_FACING) is None for row in rows):
             return table
@@ -136,9 +140,6 @@ class Diligent(Evaluation):
 
     def published(self, rows: Sequence[Row]) -> list[dict[str, Any]]:
         """The paper's table 2 and figure 8 for the objects and lights measured; for its own protocol only."""
-        return [asdict(figure) for figure in self._figures(rows)]
-
-    def _figures(self, rows: Sequence[Row]) -> list[DiligentFigure]:
         if not any(row.labels["protocol"] == "published" for row in rows):
             return []
         return diligent_figures(list(dict.fromkeys(row.labels["object"] for row in rows)), self.lights)
@@ -146,7 +147,7 @@ class Diligent(Evaluation):
     def notes(self, rows: Sequence[Row]) -> list[str]:
         """The source of the paper's results, and known damage of the data."""
         notes = []
-        if self._figures(rows):
+        if self.published(rows):
             notes.append("paper: table 2 and figure 8 of Ju et al. 2019, as printed; figure 8 names no lights")
         bear = [min(row.labels["lights"]) for row in rows if row.labels["object"] == "bear"]
         if min(bear, default=DAMAGED_PHOTOGRAPHS + 1) <= DAMAGED_PHOTOGRAPHS:
@@ -187,9 +188,9 @@ def _with_means(rows: Sequence[Row]) -> list[Row]:
     return lines + [line.labelled(lights=f"mean of {triples}") for line in lines if triples > 1]
 
 
-def _row(figure: DiligentFigure) -> Row:
-    labels = {"object": figure.object, "lights": figure.lights, "protocol": figure.protocol}
-    return Row({**labels, "model": f"paper: {figure.model}"}, {"mae_deg": figure.mae_deg})
+def _row(figure: dict[str, Any]) -> Row:
+    labels = {name: figure[name] for name in ("object", "lights", "protocol")}
+    return Row({**labels, "model": f"paper: {figure['model']}"}, {"mae_deg": figure["mae_deg"]})
 
 
 def _text(path: Path) -> str:

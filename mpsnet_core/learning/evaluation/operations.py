@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 from mpsnet_core.estimate.registry import DEFAULT_MODEL
 from mpsnet_core.learning.evaluation import Measured
 from mpsnet_core.learning.evaluation.published import OBJECTS
-from mpsnet_core.operation import Operation, option
+from mpsnet_core.operation import Operation, option, output_option
 from mpsnet_core.progress import Progress, silent
 from mpsnet_core.synthesis.job import MAX_BOUNCES
 
@@ -49,8 +49,8 @@ class MeasuresModels(Operation):
     heading: ClassVar[str] = "the models, and output files"
 
     model: tuple[str, ...] = option(default=(DEFAULT_MODEL,), metavar="MODEL", help="a model's name or file, or all")
-    json: str | None = option(default=None, metavar="FILE", help="write the rows as JSON", provenance="none")
-    output: str | None = option(default=None, metavar="REPORT", help="write a report with pictures", provenance="none")
+    json: str | None = output_option("write the rows as JSON")
+    output: str | None = output_option("write a report with pictures", metavar="REPORT")
 
     # Module and class of the test, which takes the operation.
     test: ClassVar[str]
@@ -195,8 +195,8 @@ class EvaluatePatchSizes(Operation):
     width: float = option(default=0.125, help="fraction of the published numbers of feature maps")
     steps: int = option(default=600, help="steps of each of the ten trainings, 512 patches each")
     patches: int = option(default=500_000, low=1, help="how many patches to measure on")
-    json: str | None = option(default=None, metavar="FILE", help="write the rows as JSON", provenance="none")
-    output: str | None = option(default=None, metavar="REPORT", help="write a report with a chart", provenance="none")
+    json: str | None = output_option("write the rows as JSON")
+    output: str | None = output_option("write a report with a chart", metavar="REPORT")
 
     def run(self, progress: Progress = silent) -> Measured:
         """Train and measure the ten networks, and write rows and report if requested."""

@@ -4,7 +4,7 @@ Ju et al., "MPS-Net: Learning to Recover Surface Normal for Multispectral Photom
 angular errors in degrees.
 """
 
-from dataclasses import dataclass
+from typing import Any
 
 Lights = tuple[int, int, int]
 
@@ -45,36 +45,24 @@ FIGURE_8: dict[str, dict[str, float]] = {
 PUBLISHED_LIGHTS: tuple[Lights, ...] = tuple(TABLE_2)
 
 
-@dataclass(frozen=True)
-class DiligentFigure:
-    """A published error on one of DiLiGenT's objects."""
+def diligent_figures(objects: list[str], lights: list[Lights]) -> list[dict[str, Any]]:
+    """Values of table 2 and figure 8 for these objects and lights, as ``--json`` writes them.
 
-    object: str
-    """The object."""
-    lights: list[int] | None
-    """Numbers of the three lights; None for figure 8, which does not name them."""
-    model: str
-    """The model."""
-    mae_deg: float
-    """Mean angular error in degrees."""
-    source: str
-    """Where the paper states it: its table or figure."""
-    protocol: str = "published"
-    """How the images were multiplexed: "published", by the paper's own protocol."""
-
-
-def diligent_figures(objects: list[str], lights: list[Lights]) -> list[DiligentFigure]:
-    """Values of table 2 and figure 8 for these objects and lights."""
-    table_2 = [
-        DiligentFigure(name, list(triple), "MPS-Net", errors[name], "Table 2")
-        for triple, errors in TABLE_2.items()
-        for name in objects
-        if triple in lights and name in errors
-    ]
-    figure_8 = [
-        DiligentFigure(name, None, model, errors[name], "Figure 8")
-        for model, errors in FIGURE_8.items()
+    Their "lights" are numbers of three lights, None for figure 8, which does not name them.
+    """
+    rows: list[tuple[Any, ...]]
+    rows = [(triple, "MPS-Net", errors, "Table 2") for triple, errors in TABLE_2.items() if triple in lights]
+    rows += [(None, model, errors, "Figure 8") for model, errors in FIGURE_8.items()]
+    return [
+        {
+            "object": name,
+            "lights": triple and list(triple),
+            "model": model,
+            "mae_deg": errors[name],
+            "source": source,
+            "protocol": "published",
+        }
+        for triple, model, errors, source in rows
         for name in objects
         if name in errors
     ]
-    return table_2 + figure_8

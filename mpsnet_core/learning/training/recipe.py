@@ -1,28 +1,20 @@
 """Training recipe: all settings of a training run but for its files. One TOML file per shipped model."""
 
 import os
-import reprlib
 import tomllib
 from collections.abc import Mapping
 from dataclasses import MISSING, asdict, dataclass, field, fields, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
-from mpsnet_core.errors import FormatError, InputError, SettingsError, check_choice
+from mpsnet_core.errors import FormatError, InputError, SettingsError
 from mpsnet_core.io.files import existing_file
 from mpsnet_core.io.opening import AnyPath
-from mpsnet_core.synthesis.capture_model import CaptureModel, limited, limits_of
+from mpsnet_core.synthesis.capture_model import CaptureModel, check_fields, limited, with_tuples
 
 RECIPES = Path(__file__).parent / "recipes"
 # A name of many dots takes memory by the square of them.
 MAX_RECIPE_BYTES = 1 << 13
-OPTIMISERS = ("adamw", "muon")
-# The kinds of what is no number.
-_KINDS: dict[str, tuple[type, str]] = {
-    **dict.fromkeys(("name", "title", "network", "optimiser"), (str, "a text")),
-    **dict.fromkeys(("augment", "frozen_norms"), (bool, "true or false")),
-    "options": (Mapping, "a table"),
-}
 
 
 @dataclass(frozen=True)
@@ -66,7 +58,7 @@ class TrainingConfig:
     gradient_weight: float = limited(0.0, 0.0, 100.0)
     """Weight in the loss of the difference between the normals' gradients and the true ones; patch-wise networks have
     none."""
-    optimiser: str = "adamw"
+    optimiser: Literal["adamw", "muon"] = "adamw"
     """"adamw", or "muon" for the weights of convolutions and AdamW for the rest."""
     augment: bool = True
     """Whether samples are turned by quarters, mirrored, and their lights put in any order, anew each time they are
@@ -80,18 +72,8 @@ class TrainingConfig:
     """Seed of the first weights, the photographs and their order."""
 
     def __post_init__(self) -> None:
-        for name, (kind, words) in _KINDS.items():
-            value = getattr(self, name)
-            if not isinstance(value, kind) or value == "":
-                raise SettingsError(f"the recipe's {name} must be {words}, not {reprlib.repr(value)}")
+        check_fields(self, "the recipe's")
         capture_model(self.capture)
-        if not all(isinstance(line, str) for line in self.samples):
-            raise SettingsError("the recipe's samples must be a list of texts")
-        check_choice("the recipe's optimiser", self.optimiser[:99], OPTIMISERS)
-        for name, (low, high) in limits_of(TrainingConfig).items():
-            value = getattr(self, name)
-            if not _within(value, low, high):
-                raise SettingsError(f"the recipe's {name} must be from {low:g} to {high:g}, not {reprlib.repr(value)}")
         if self.warm_up + self.decay > self.steps:
             raise SettingsError(f"the recipe's warm_up and decay are longer than its {self.steps} steps; give it more")
 
@@ -101,33 +83,15 @@ class TrainingConfig:
         return {**asdict(self), **tables, "samples": list(self.samples)}
 
 
-def capture_model(changes: Any) -> CaptureModel:
+def capture_model(changes: Mapping[str, Any]) -> CaptureModel:
     """The capture model with some of its ranges and chances changed. Raises SettingsError where a change is invalid."""
-    if not isinstance(changes, Mapping):
-        raise SettingsError(f"the recipe's capture must be a table, not {changes!r}")
     own = CaptureModel()
-    values: dict[str, Any] = {}
-    for name, value in changes.items():
-        default = vars(own).get(name)
-        if default is None:
+    for name in changes:
+        if name not in vars(own):
             raise SettingsError(f"the recipe's capture has no {name!r}; choose {', '.join(vars(own))}")
-        low, high = limits_of(CaptureModel)[name]
-        entries = value if isinstance(default, tuple) else [value]
-        if not isinstance(entries, list | tuple) or not all(_within(entry, low, high) for entry in entries):
-            wanted = f"numbers like {list(default)}" if isinstance(default, tuple) else f"a number like {default}"
-            words = f"the recipe's capture needs {wanted} as {name}, from {low:g} to {high:g}"
-            raise SettingsError(f"{words}, not {reprlib.repr(value)}")
-        if name == "bits" and not entries:
-            raise SettingsError("the recipe's capture has no bits; name at least one")
-        if name != "bits" and isinstance(default, tuple) and (len(entries) != 2 or entries[0] > entries[1]):
-            raise SettingsError(f"the recipe's capture needs the least and the most {name}, not {reprlib.repr(value)}")
-        values[name] = tuple(entries) if isinstance(default, tuple) else value
-    return replace(own, **values)
-
-
-def _within(value: Any, low: float, high: float) -> bool:
-    """Whether it is a number of this range, a whole one where the range's ends are."""
-    return type(value) in (int, float) and not (type(value) is float and isinstance(low, int)) and low <= value <= high
+    model = replace(own, **with_tuples(changes))
+    check_fields(model, "the recipe's capture:")
+    return model
 
 
 def recipe_names() -> list[str]:
@@ -163,7 +127,4 @@ def recipe_from_data(data: Mapping[str, Any]) -> TrainingConfig:
     for name in ("name", "title", "network", "steps"):
         if name not in data:
             raise SettingsError(f'the recipe lacks "{name}"; add it')
-    samples = data.get("samples", ())
-    if not isinstance(samples, list | tuple):
-        raise SettingsError(f"the recipe's samples must be a list, not {samples!r}")
-    return TrainingConfig(**{**data, "samples": tuple(samples)})
+    return TrainingConfig(**with_tuples(data))

@@ -19,18 +19,9 @@ from mpsnet_core.io.image_writing import is_complete_image, write_picture
 from mpsnet_core.io.opening import AnyPath
 from mpsnet_core.io.provenance import is_up_to_date
 from mpsnet_core.progress import Progress, silent
+from mpsnet_core.synthesis import job as jobs
 from mpsnet_core.synthesis.contact_sheet import sheet_line, sheet_of_samples
 from mpsnet_core.synthesis.farm.work import THIS_PYTHON, SampleResult, SampleResults, Worker, clear_unfinished, gathered
-from mpsnet_core.synthesis.job import (
-    CONTACT_SHEET,
-    FOLDER_CLAIM,
-    SampleJob,
-    place_job,
-    read_job,
-    sample_path,
-    samples_there,
-    withdraw_job,
-)
 
 log = logging.getLogger(__name__)
 
@@ -71,7 +62,7 @@ def blender_command(blender: str = "", addon: str = "") -> tuple[str, ...]:
 
 def make_samples(
     folder: AnyPath,
-    job: SampleJob,
+    job: jobs.SampleJob,
     command: Sequence[str] = SYNTHESIS_COMMAND,
     *,
     processes: int = 0,
@@ -98,8 +89,8 @@ def make_samples(
         from mpsnet_core.synthesis.farm.cluster import results_from_cluster
 
         check_address(cluster, trusted=cluster_trusted)  # before a folder is made
-    is_new = place_job(folder, job)
-    writable_path(folder / CONTACT_SHEET)
+    is_new = jobs.place_job(folder, job)
+    writable_path(folder / jobs.CONTACT_SHEET)
     clear_unfinished(folder)
     there = _complete_samples(folder, progress)
     numbers = [number for number in range(job.count) if number not in there]
@@ -119,7 +110,7 @@ def make_samples(
                 sheet.grow(tally.outcome.made)
     except InputError:
         if is_new:
-            withdraw_job(folder)
+            jobs.withdraw_job(folder)
         raise
     finally:
         clear_unfinished(folder)
@@ -128,11 +119,11 @@ def make_samples(
 
 
 def _complete_samples(folder: Path, progress: Progress) -> set[int]:
-    there = sorted(samples_there(folder))
+    there = sorted(jobs.samples_there(folder))
     whole = set()
     for place, number in enumerate(there):
         progress(0.0, f"looking through what is there, {place} of {len(there)}")
-        if is_complete_image(sample_path(folder, number)):
+        if is_complete_image(jobs.sample_path(folder, number)):
             whole.add(number)
     return whole
 
@@ -146,7 +137,7 @@ def _results_from_processes(
     processes = min(processes, len(numbers))
     if not processes:
         return
-    job = read_job(folder)
+    job = jobs.read_job(folder)
     # Consecutive samples with the same shape go to one worker, which builds it once. Limit their number to balance the
     # load at the end.
     longest = max(1, len(numbers) // (4 * processes))
@@ -240,14 +231,14 @@ class _GrowingSheet:
             log.info("the contact sheet is not up to date: %s", error)
 
     def _write(self) -> None:
-        files = [sample_path(self._folder, number) for number in sorted(samples_there(self._folder))]
+        files = [jobs.sample_path(self._folder, number) for number in sorted(jobs.samples_there(self._folder))]
         line = sheet_line(files)  # computed before reading: a sample that changes meanwhile makes the sheet out of date
-        if is_up_to_date(self._folder / CONTACT_SHEET, line):
+        if is_up_to_date(self._folder / jobs.CONTACT_SHEET, line):
             return
         picture = sheet_of_samples(files)
         if picture is None:
             return
-        with Claims(self._folder) as claims, claims.claim(FOLDER_CLAIM) as ours:
+        with Claims(self._folder) as claims, claims.claim(jobs.FOLDER_CLAIM) as ours:
             if ours:  # else another run is writing the same sheet
-                check_no_link(self._folder / CONTACT_SHEET)
-                write_picture(self._folder / CONTACT_SHEET, picture, description=line)
+                check_no_link(self._folder / jobs.CONTACT_SHEET)
+                write_picture(self._folder / jobs.CONTACT_SHEET, picture, description=line)

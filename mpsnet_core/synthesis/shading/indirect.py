@@ -2,10 +2,8 @@
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mpsnet_core.arrays.row_bands import bands
 from mpsnet_core.arrays.types import F32, F64, I64
@@ -207,13 +205,7 @@ def lobe(reflectance: Reflectance) -> Lobe:
 
 
 def reflect_light(
-    reflectance: Reflectance,
-    width: float,
-    light: Light,
-    normals: F32,
-    views: F32,
-    paint: F32 | None,
-    turns: NDArray[np.integer[Any]],
+    reflectance: Reflectance, width: float, light: Light, normals: F32, views: F32, paint: F32 | None, turns: I64
 ) -> F32:
     """(N, 3) radiance of points under an unoccluded light, divided by irradiance; 1 for a white matt surface.
 
@@ -267,13 +259,13 @@ Places = Iterator[tuple[F32, F32]]
 """Point after point of a disc: where (N, 2), its rim the unit circle, and with which weight (N,) or () for all."""
 
 
-def _three(turns: NDArray[np.integer[Any]]) -> Places:
+def _three(turns: I64) -> Places:
     angles = 2 * np.pi * (np.arange(TURNS) / TURNS + np.arange(3)[:, None]) / 3
     for places in (np.stack([np.cos(angles), np.sin(angles)], axis=-1) / np.sqrt(2)).astype(np.float32):
         yield places[turns], np.array(1 / 3, np.float32)
 
 
-def _many(mirror: F32, spread: np.float32, turns: NDArray[np.integer[Any]]) -> Places:
+def _many(mirror: F32, spread: np.float32, turns: I64) -> Places:
     """Samples of the disc and of the lobe, combined by the balance heuristic (Veach 1997).
 
     mirror: (N, 2) intersection of the mirror direction with the disc's plane. spread: width of the lobe there.

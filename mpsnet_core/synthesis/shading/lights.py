@@ -1,10 +1,8 @@
 """Visibility of distant area lights: attached and cast shadows, with penumbrae."""
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mpsnet_core.arrays.mask_regions import dilated
 from mpsnet_core.arrays.row_bands import bands
@@ -48,38 +46,26 @@ class Light:
         return (self.direction + self.radius * places @ self.axes).astype(np.float32)
 
 
-@dataclass(frozen=True)
-class Illumination:
-    """Light that arrives at N points."""
-
-    irradiance: F32
-    """(N,) float32. 1 on an unoccluded surface facing the light."""
-    lit: F32
-    """(N,) float32. Visible share of the light's disc above the horizon of the shading normal."""
-
-
 def illumination(
-    light: Light,
-    points: SurfacePoints,
-    scene: RayScene,
-    pixels: I64,
-    shape: tuple[int, int],
-    turns: NDArray[np.integer[Any]],
-) -> Illumination:
+    light: Light, points: SurfacePoints, scene: RayScene, pixels: I64, shape: tuple[int, int], turns: I64
+) -> F32:
     """Light that arrives at the points, which are at pixels (N,) of an image of `shape`.
+
+    Returns (2, N) irradiance, 1 on an unoccluded surface facing the light; and the visible share of the light's disc
+    above the horizon of the shading normal.
 
     turns: (N,) random integers below TURNS that rotate the rays of each point.
     """
     direction = light.direction.astype(np.float32)
     cosine, above = points.normal @ direction, points.smooth @ direction
     radius = light.radius
-    irradiance, lit = np.zeros((2, len(points)), np.float32)
+    irradiance, lit = arriving = np.zeros((2, len(points)), np.float32)
     facing = np.flatnonzero((cosine > -radius) & (above > -radius))
     start = points.start.take(facing, axis=0)
     if not radius:
         free = ~scene.occluded(start, direction[None])
         irradiance[facing], lit[facing] = free * cosine[facing], free
-        return Illumination(irradiance, lit)
+        return arriving
 
     angle = 2 * np.pi * np.arange(_TILE**2) / _TILE**2
     rim = light.towards(RIM * np.stack([np.cos(angle), np.sin(angle)], axis=-1))
@@ -93,44 +79,28 @@ def illumination(
     lit[sure] = free[~unsure]
     irradiance[sure] = cosine[sure] * lit[sure]
 
-    _cast_many(light, points, scene, facing[unsure], turns, irradiance, lit)
-    return Illumination(irradiance, lit)
+    _cast_many(light, points, scene, facing[unsure], turns, arriving)
+    return arriving
 
 
-def _cast_many(
-    light: Light,
-    points: SurfacePoints,
-    scene: RayScene,
-    chosen: I64,
-    turns: NDArray[np.integer[Any]],
-    irradiance: F32,
-    lit: F32,
-) -> None:
+def _cast_many(light: Light, points: SurfacePoints, scene: RayScene, chosen: I64, turns: I64, arriving: F32) -> None:
     """Compute the light at the chosen points by rays to many positions on the light; fewer if the first ones agree."""
+    irradiance, lit = arriving
     places = disc(PENUMBRA_RAYS, TURNS)
     places -= places.mean(axis=1, keepdims=True)
     towards = light.towards(places)[:, ::-1]  # from the rim inwards
     for block in bands(len(chosen), _BLOCK):
         some = chosen[block]
-        _cast(towards[:, :FIRST_RAYS], points, scene, some, turns, irradiance, lit)
+        _cast(towards[:, :FIRST_RAYS], points, scene, some, turns, arriving)
         mixed = (lit[some] > 0) & (lit[some] < FIRST_RAYS)
         settled, some = some[~mixed], some[mixed]
         lit[settled] /= FIRST_RAYS
         irradiance[settled] = lit[settled] * (points.normal[settled] @ light.direction.astype(np.float32))
-        _cast(towards[:, FIRST_RAYS:], points, scene, some, turns, irradiance, lit)
-        irradiance[some] /= PENUMBRA_RAYS
-        lit[some] /= PENUMBRA_RAYS
+        _cast(towards[:, FIRST_RAYS:], points, scene, some, turns, arriving)
+        arriving[:, some] /= PENUMBRA_RAYS
 
 
-def _cast(
-    towards: F32,
-    points: SurfacePoints,
-    scene: RayScene,
-    chosen: I64,
-    turns: NDArray[np.integer[Any]],
-    irradiance: F32,
-    lit: F32,
-) -> None:
+def _cast(towards: F32, points: SurfacePoints, scene: RayScene, chosen: I64, turns: I64, arriving: F32) -> None:
     """Cast rays along `towards` (TURNS, K, 3), and add their irradiance and visibility to the chosen points.
 
     A point's rays are consecutive: they hit the same triangles, which are then in the cache.
@@ -149,5 +119,5 @@ def _cast(
     arrives = ~scene.occluded(points.start.take(chosen[owner], axis=0), headings)
     share[~up] = 0
     share[up] *= arrives
-    irradiance[chosen] += share.sum(axis=1)
-    lit[chosen] += np.bincount(owner[arrives], minlength=len(chosen))
+    arriving[0, chosen] += share.sum(axis=1)
+    arriving[1, chosen] += np.bincount(owner[arrives], minlength=len(chosen))

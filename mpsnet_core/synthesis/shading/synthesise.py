@@ -2,10 +2,8 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mpsnet_core.arrays.types import F32, I64
 from mpsnet_core.arrays.unit_vectors import normalised
@@ -66,8 +64,8 @@ def synthesise(
     colouring = _colouring(recipe, points)
     arrivals = [illumination(light, points, surface.scene, pixels, grid, turns) for light in lights]
     direct = [
-        _direct(recipe, reflectances, lobes, light, points, colouring, arrived.irradiance, turns)
-        for light, arrived in zip(lights, arrivals, strict=True)
+        _direct(recipe, reflectances, lobes, light, points, colouring, irradiance, turns)
+        for light, (irradiance, _) in zip(lights, arrivals, strict=True)
     ]
     radiance = np.stack(direct, axis=1)
     if recipe.bounces and len(points):
@@ -87,7 +85,7 @@ def synthesise(
     seen = image.share(radiance.reshape(-1, 9)).reshape(*alpha.shape, 3, 3).transpose(2, 0, 1, 3).copy()
     normals = np.where(covered[..., None], normalised(image.share(points.normal)), np.float32(0))
     material = np.where(covered, weights.argmax(axis=2), -1).astype(np.int32)
-    lit = np.stack([image.mean(arrived.lit, alpha) for arrived in arrivals])
+    lit = np.stack([image.mean(lit, alpha) for _, lit in arrivals])
     return Sample(seen, normals, image.mean(depth, alpha), alpha, material, lit, recipe, RENDERER)
 
 
@@ -107,7 +105,7 @@ def _direct(
     points: SurfacePoints,
     colouring: _Colouring,
     irradiance: F32,
-    turns: NDArray[np.integer[Any]],
+    turns: I64,
 ) -> F32:
     """(N, 3) radiance of the points towards the viewer by direct light."""
     radiance = np.zeros((len(points), 3), np.float32)

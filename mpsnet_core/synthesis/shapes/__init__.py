@@ -24,6 +24,13 @@ __all__ = ["KINDS", "Shape", "build_shape", "draw_shape", "mesh_files"]
 KINDS = ("blobs", "drapery", "reliefs", "groups", "hollows", "meshes")
 # Grid cells along the longest side of a body, alone and in a group.
 CELLS, CELLS_IN_GROUP = 72, 44
+# Characters and how frequent they are, the pose of most, and that of the others.
+_CHARACTERS: dict[str, tuple[Sequence[str], Sequence[float] | None, str, dict[str, str]]] = {
+    "blobs": (blobs.CHARACTERS, (2, 4, 1, 1, 1, 1), "any", {"hollowed": "front"}),
+    "drapery": (drapery.CHARACTERS, (4, 3, 3, 2), "front", {"draped": "upright"}),
+    "reliefs": (reliefs.CHARACTERS, (2, 2, 2, 2, 1), "front", {}),
+    "hollows": (hollows.CHARACTERS, None, "front", {}),
+}
 
 
 def draw_shape(rng: np.random.Generator, kind: str, meshes: Sequence[str] = ()) -> dict[str, Any]:
@@ -56,18 +63,12 @@ def draw_shape(rng: np.random.Generator, kind: str, meshes: Sequence[str] = ()) 
     """
     check_choice("kind of shape", kind, KINDS)
     description: dict[str, Any] = {"kind": kind, "seed": new_seed(rng)}
-    if kind == "blobs":
-        character = choice(rng, blobs.CHARACTERS, (2, 4, 1, 1, 1, 1))
-        return {**description, "pose": "front" if character == "hollowed" else "any", "character": character}
-    if kind == "drapery":
-        character = choice(rng, drapery.CHARACTERS, (4, 3, 3, 2))
-        return {**description, "pose": "upright" if character == "draped" else "front", "character": character}
-    if kind == "reliefs":
-        return {**description, "pose": "front", "character": choice(rng, reliefs.CHARACTERS, (2, 2, 2, 2, 1))}
     if kind == "groups":
         return {**description, "pose": "upright"}
-    if kind == "hollows":
-        return {**description, "pose": "front", "character": choice(rng, hollows.CHARACTERS)}
+    if kind in _CHARACTERS:
+        characters, weights, pose, others = _CHARACTERS[kind]
+        character = choice(rng, characters, weights)
+        return {**description, "pose": others.get(character, pose), "character": character}
     if not meshes:
         raise SettingsError("there are no mesh files to draw shapes from; name a folder of meshes")
     alone = chance(rng, 0.6)

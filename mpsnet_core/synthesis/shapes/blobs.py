@@ -8,28 +8,13 @@ from mpsnet_core.arrays.types import F64, Floats
 from mpsnet_core.arrays.unit_vectors import normalised
 from mpsnet_core.synthesis.noise import fractal_noise, gradient_noise
 from mpsnet_core.synthesis.random_sampling import chance, choice, direction, integer, new_seed, rotation, uniform
+from mpsnet_core.synthesis.shapes import shape
 from mpsnet_core.synthesis.shapes.isosurface import ellipsoid, isosurface, limb
-from mpsnet_core.synthesis.shapes.shape import (
-    Shape,
-    bent,
-    displaced,
-    faceted_shape,
-    fitted,
-    joined,
-    placed,
-    sheet,
-    slab,
-    smooth_shape,
-    sphere,
-    stacked,
-    standing,
-    turn_about,
-)
 
 CHARACTERS = ("smooth", "hollowed", "folded", "ridged", "wrinkled", "faceted")
 
 
-def build_blob(character: str, rng: np.random.Generator, cells: int) -> Shape:
+def build_blob(character: str, rng: np.random.Generator, cells: int) -> shape.Shape:
     """A blob of this character, about 2 wide. cells: resolution of the grid for implicit surfaces."""
     if character == "faceted":
         return _faceted(rng)
@@ -38,18 +23,18 @@ def build_blob(character: str, rng: np.random.Generator, cells: int) -> Shape:
     if character == "hollowed":
         return _hollowed(rng, cells)
     if character == "folded":
-        return bent(_ball(cells), _folds(rng))
+        return shape.bent(_ball(cells), _folds(rng))
     if character == "ridged":
-        return displaced(_body(rng, cells), _ridges(rng))
-    return displaced(_body(rng, cells), _wrinkles(rng))
+        return shape.displaced(_body(rng, cells), _ridges(rng))
+    return shape.displaced(_body(rng, cells), _wrinkles(rng))
 
 
-def _ball(cells: int) -> Shape:
-    vertices, triangles = sphere(6 if cells > 64 else 5)
-    return smooth_shape(vertices, triangles, vertices)
+def _ball(cells: int) -> shape.Shape:
+    vertices, triangles = shape.sphere(6 if cells > 64 else 5)
+    return shape.smooth_shape(vertices, triangles, vertices)
 
 
-def _body(rng: np.random.Generator, cells: int) -> Shape:
+def _body(rng: np.random.Generator, cells: int) -> shape.Shape:
     """Blended lumps, or a ball with bumps and dents."""
     if chance(rng, 0.5):
         soft = uniform(rng, 0.1, 0.6)
@@ -72,10 +57,10 @@ def _body(rng: np.random.Generator, cells: int) -> Shape:
         out = 1 + swell * fractal_noise(points * scale, seed, 2)
         return (points * out[:, None] + push * _vectors(points * 1.1, seed + 1)) * stretch
 
-    return bent(_ball(cells), form)
+    return shape.bent(_ball(cells), form)
 
 
-def _hollowed(rng: np.random.Generator, cells: int) -> Shape:
+def _hollowed(rng: np.random.Generator, cells: int) -> shape.Shape:
     """A few lumps with deep bowls, holes and gaps open towards +z, where few lights reach and bounces matter."""
     soft = uniform(rng, 0.05, 0.4)
     solids = [ellipsoid((0, 0, 0), [uniform(rng, 0.6, 1.0) for _ in range(3)], rotation(rng), blend=soft)]
@@ -142,28 +127,28 @@ def _wrinkles(rng: np.random.Generator) -> Callable[[F64], Floats]:
     return lambda p: amount * np.sin(rows * gradient_noise(p * stretch * scale, seed).astype(np.float64))
 
 
-def _faceted(rng: np.random.Generator) -> Shape:
+def _faceted(rng: np.random.Generator) -> shape.Shape:
     kind = choice(rng, ("gem", "rough", "crystals"))
     if kind == "rough":
-        vertices, triangles = sphere(integer(rng, 1, 4))
+        vertices, triangles = shape.sphere(integer(rng, 1, 4))
         seed, scale, swell = new_seed(rng), uniform(rng, 0.9, 2.2), uniform(rng, 0.3, 0.8)
         stretch = np.array([uniform(rng, 0.6, 1.1) for _ in range(3)])
         out = 1 + swell * fractal_noise(vertices * scale, seed, 2)
         moved = (vertices * out[:, None] + 0.3 * _vectors(vertices, seed + 1)) * stretch
-        return faceted_shape(moved, triangles)
+        return shape.faceted_shape(moved, triangles)
     if kind == "gem":
-        vertices, triangles = sphere(6)
+        vertices, triangles = shape.sphere(6)
         faces = normalised(rng.normal(size=(integer(rng, 9, 40), 3)) * [uniform(rng, 0.6, 1.4) for _ in range(3)])
         away = np.array([uniform(rng, 0.75, 1.1) for _ in faces])
         # The convex body of the planes, with six distant planes that keep it bounded.
         faces = np.concatenate([faces, np.eye(3), -np.eye(3)])
         away = np.concatenate([away, np.full(6, 1.3)])
-        return faceted_shape(vertices / (vertices @ faces.T / away).max(axis=1)[:, None], triangles)
-    crystals = joined([_crystal(rng) for _ in range(integer(rng, 7, 16))])
-    return faceted_shape(crystals.vertices, crystals.triangles)
+        return shape.faceted_shape(vertices / (vertices @ faces.T / away).max(axis=1)[:, None], triangles)
+    crystals = shape.joined([_crystal(rng) for _ in range(integer(rng, 7, 16))])
+    return shape.faceted_shape(crystals.vertices, crystals.triangles)
 
 
-def _crystal(rng: np.random.Generator) -> Shape:
+def _crystal(rng: np.random.Generator) -> shape.Shape:
     """A pointed prism that starts at the origin."""
     sides, wide, long = integer(rng, 4, 6), uniform(rng, 0.12, 0.32), uniform(rng, 0.5, 1.2)
     turns = np.linspace(0, 2 * np.pi, sides, endpoint=False)
@@ -171,7 +156,7 @@ def _crystal(rng: np.random.Generator) -> Shape:
     cut = uniform(rng, 0.05, 0.9) * wide
     up = np.array([0.0, 0.0, 1.0])
     rings = [outline - 0.1 * up, outline + long * up, 0.02 * outline + (long + cut) * up]
-    return placed(stacked(np.stack(rings)), rotation(rng))
+    return shape.placed(shape.stacked(np.stack(rings)), rotation(rng))
 
 
 def _vectors(points: F64, seed: int) -> F64:
@@ -181,25 +166,25 @@ def _vectors(points: F64, seed: int) -> F64:
 # --- groups: several objects next to each other on a ground -----------------------------------------------------------
 
 
-def build_group(rng: np.random.Generator, cells: int) -> Shape:
+def build_group(rng: np.random.Generator, cells: int) -> shape.Shape:
     """Two to four blobs on a ground, z up."""
-    blobs = [fitted(build_blob(choice(rng, CHARACTERS), rng, cells)) for _ in range(integer(rng, 2, 4))]
-    return on_ground([placed(blob, rotation(rng)) for blob in blobs], rng)
+    blobs = [shape.fitted(build_blob(choice(rng, CHARACTERS), rng, cells)) for _ in range(integer(rng, 2, 4))]
+    return on_ground([shape.placed(blob, rotation(rng)) for blob in blobs], rng)
 
 
-def on_ground(objects: Sequence[Shape], rng: np.random.Generator) -> Shape:
+def on_ground(objects: Sequence[shape.Shape], rng: np.random.Generator) -> shape.Shape:
     """Objects of radius 1, randomly rotated about z and scaled, close together on a ground; each is a part."""
     spots: list[tuple[float, float, float]] = []
     pieces = []
     for item in objects:
         scale = uniform(rng, 0.45, 1.0)
-        item = standing(placed(item, turn_about((0, 0, 1), uniform(rng, 0, 360)), scale))
+        item = shape.standing(shape.placed(item, shape.turn_about((0, 0, 1), uniform(rng, 0, 360)), scale))
         middle = (item.vertices[:, :2].min(axis=0) + item.vertices[:, :2].max(axis=0)) / 2
         radius = 0.9 * float(np.sqrt(((item.vertices[:, :2] - middle) ** 2).sum(axis=1).max()))
         x, y = _free_spot(rng, spots, radius)
         spots.append((x, y, radius))
-        pieces.append(placed(item, offset=(x - middle[0], y - middle[1], uniform(rng, -0.06, 0.0))))
-    return joined([*pieces, _ground(rng, np.concatenate([piece.vertices[:, :2] for piece in pieces]))])
+        pieces.append(shape.placed(item, offset=(x - middle[0], y - middle[1], uniform(rng, -0.06, 0.0))))
+    return shape.joined([*pieces, _ground(rng, np.concatenate([piece.vertices[:, :2] for piece in pieces]))])
 
 
 def _free_spot(rng: np.random.Generator, spots: list[tuple[float, float, float]], radius: float) -> tuple[float, float]:
@@ -217,7 +202,7 @@ def _free_spot(rng: np.random.Generator, spots: list[tuple[float, float, float]]
     return best
 
 
-def _ground(rng: np.random.Generator, footprint: F64) -> Shape:
+def _ground(rng: np.random.Generator, footprint: F64) -> shape.Shape:
     """A plate, a disc or an uneven floor under a footprint (N, 2), with its top at about z = 0."""
     low, high = footprint.min(axis=0), footprint.max(axis=0)
     middle, half = (low + high) / 2, (high - low) / 2
@@ -230,9 +215,9 @@ def _ground(rng: np.random.Generator, footprint: F64) -> Shape:
         steepness = uniform(rng, 0.01, 0.12) / np.sqrt(scale)
         height = steepness * fractal_noise(flat * scale, seed, 3).reshape(x.shape)
         front = np.stack([x, y, height], axis=-1)
-        return placed(sheet(front, np.stack([x, y, np.full_like(x, -0.25)], axis=-1)), offset=(*middle, 0))
+        return shape.placed(shape.sheet(front, np.stack([x, y, np.full_like(x, -0.25)], axis=-1)), offset=(*middle, 0))
     angles = np.linspace(0, 2 * np.pi, 160, endpoint=False)
     power = choice(rng, (1.0, 0.35))
     circle = np.column_stack([np.cos(angles), np.sin(angles)])
     outline = np.sign(circle) * np.abs(circle) ** power * spread * (1.1 if power == 1 else 1.0)
-    return placed(slab(outline, 0.16, 0.03), offset=(*middle, -0.16))
+    return shape.placed(shape.slab(outline, 0.16, 0.03), offset=(*middle, -0.16))

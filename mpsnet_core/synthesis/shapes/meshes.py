@@ -111,28 +111,11 @@ def orient_consistently(vertices: F64, faces: I64) -> I64:
     shared = new[np.diff(new, append=len(order)) == 2]  # edges with three or more faces are ambiguous
     one, two = order[shared], order[shared + 1]
     agree = edges[one, 0] != edges[two, 0]
-    if agree.all():
-        return faces
-    # Union-find with parity: whether a face is flipped relative to the root of its patch.
-    root, turned = list(range(len(faces))), [False] * len(faces)
-
-    def find(face: int) -> tuple[int, bool]:
-        path, odd = [], False
-        while root[face] != face:
-            path.append(face)
-            face = root[face]
-        for node in reversed(path):
-            odd ^= turned[node]
-            root[node], turned[node] = face, odd
-        return face, odd
-
-    for a, b, same in zip(owner[one].tolist(), owner[two].tolist(), agree.tolist(), strict=True):
-        (top_a, odd_a), (top_b, odd_b) = find(a), find(b)
-        if top_a != top_b:
-            root[top_b], turned[top_b] = top_a, odd_a ^ odd_b ^ (not same)
-    found = [find(face) for face in range(len(faces))]
-    flip = np.array([odd for _, odd in found])
-    return np.where(flip[:, None], faces[:, ::-1], faces)
+    # Two nodes for each face, as it is and flipped, linked to those of its neighbours that agree with them.
+    a, b, flipped = owner[one], owner[two], len(faces)
+    same, other = np.where(agree, b, b + flipped), np.where(agree, b + flipped, b)
+    patch = connected(2 * flipped, np.concatenate([a, a + flipped]), np.concatenate([same, other]))
+    return np.where((patch[:flipped] > patch[flipped:])[:, None], faces[:, ::-1], faces)
 
 
 def thicken_if_flat(vertices: F64, faces: I64) -> tuple[F64, I64]:

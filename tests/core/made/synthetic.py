@@ -101,7 +101,7 @@ def listing(folder: Path) -> list[str]:
     return sorted(file.name for file in folder.iterdir())
 
 
-def mat_file(path: Path, compressed: bool = False, **arrays: np.ndarray) -> Path:
+def mat_file(path: Path, **arrays: np.ndarray) -> Path:
     """Write float64 arrays as a MATLAB 5 file, by MathWorks' "MAT-File Format"."""
 
     def element(kind: int, body: bytes) -> bytes:
@@ -112,11 +112,8 @@ def mat_file(path: Path, compressed: bool = False, **arrays: np.ndarray) -> Path
         flags, shape = struct.pack("<II", 6, 0), struct.pack(f"<{values.ndim}i", *values.shape)
         numbers = values.astype("<f8").tobytes(order="F")
         parts = [element(6, flags), element(5, shape), element(1, name.encode()), element(9, numbers)]
-        matrix = element(14, b"".join(parts))
-        if compressed:
-            packed = zlib.compress(matrix)
-            matrix = struct.pack("<II", 15, len(packed)) + packed
-        data += matrix
+        packed = zlib.compress(element(14, b"".join(parts)))
+        data += struct.pack("<II", 15, len(packed)) + packed
     path.write_bytes(data)
     return path
 
@@ -138,7 +135,7 @@ def diligent_object(root: Path, name: str, albedo: Sequence[float] = (0.4, 0.4, 
     np.savetxt(folder / "light_directions.txt", directions)
     np.savetxt(folder / "light_intensities.txt", INTENSITIES)
     write_file(folder / "mask.png", sphere.mask, "uint8")
-    mat_file(folder / "Normal_gt.mat", compressed=True, Normal_gt=sphere.normals)
+    mat_file(folder / "Normal_gt.mat", Normal_gt=sphere.normals)
     return sphere
 
 

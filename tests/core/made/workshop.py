@@ -80,11 +80,10 @@ READS = {
     "world.json": f"{VIEWS} --rig world.json --lights-in world",
     "sample.exr": "show sample.exr -o o.png",
     "job/job.json": "make job --processes 1",
-    "pmsData/ballPNG/light_directions.txt": "evaluate diligent pmsData --lights 1,2,3 --model lambertian",
-    "pmsData/ballPNG/filenames.txt": "evaluate diligent pmsData --lights 1,2,3 --model lambertian",
-    "pmsData/ballPNG/Normal_gt.mat": "evaluate diligent pmsData --lights 1,2,3 --model lambertian",
-    "pmsData/ballPNG/mask.png": "evaluate diligent pmsData --lights 1,2,3 --model lambertian",
 }
+if find_spec("scipy"):
+    for file in ("light_directions.txt", "filenames.txt", "Normal_gt.mat", "mask.png"):
+        READS[f"pmsData/ballPNG/{file}"] = "evaluate diligent pmsData --lights 1,2,3 --model lambertian"
 if find_spec("torch"):
     READS["tiny.toml"] = "train --recipe tiny.toml --samples job --stop-after 1 -o o.onnx"
     READS["checkpoint"] = "train --recipe tiny.toml --samples job --resume checkpoint --stop-after 2 -o o.onnx"
