@@ -178,6 +178,7 @@ def _camera_object(scene: Any, photo: Any, found: Camera, target: Any) -> Any:
     data.shift_x, data.shift_y = -off[0] / longer, off[1] / longer
     if target is not None:  # what moves the object moves the camera that it was seen by
         camera.parent, camera.matrix_parent_inverse = target, target.matrix_world.inverted()
+        data.display_size = max(target.dimensions) / 16  # a metre may be larger than the object
     camera.matrix_world = Matrix(found.world_from_camera.tolist())
     if target is not None:
         away = (camera.matrix_world.translation - middle_of(target)).length + max(target.dimensions)

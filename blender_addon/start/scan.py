@@ -32,8 +32,9 @@ from .try_it import look_at
 # Two pictures of which the more colourful one is not so by this factor cannot be told apart.
 _CLEARLY = 1.1
 
-# From how far the result is shown, in the target's largest dimension.
-_AWAY = 2.0
+# From how far the result is shown, at most, in the target's largest dimension and in the distance of the photo's camera,
+# which would else be drawn over it.
+_AWAY, _BEFORE_CAMERA = 2.0, 0.85
 
 
 class MPS_OT_scan(RunsSteps, bpy.types.Operator):
@@ -141,7 +142,10 @@ class MPS_OT_scan(RunsSteps, bpy.types.Operator):
             target.select_set(True)
             camera = chosen_camera(scene, scene.mps.photo.image)
             if camera is not None:  # the side that the photo shows
-                look_at(context, middle_of(target), _AWAY * max(target.dimensions), camera.matrix_world.to_quaternion())
+                middle, pose = middle_of(target), camera.matrix_world
+                distance = (pose.translation - middle).length
+                away = min(_AWAY * max(target.dimensions), _BEFORE_CAMERA * distance)
+                look_at(context, middle, away, pose.to_quaternion())
             if scene.mps.relight.lamp is None:
                 run_operator(bpy.ops.mps.relight)
         self.tell("The object shows the photo's normals. Before / After in 4 Bake compares; Relight stops the lamp")

@@ -311,14 +311,6 @@ def test_a_displacement_stays_under_a_bake_in_object_space(worn, scene, tmp_path
     assert modifiers == ["WEIGHTED_NORMAL", "SUBSURF"]
 
 
-def test_a_texture_in_object_space_stays(estimated, scene, tmp_path):
-    bpy.ops.mps.bake(size=128, space="OBJECT", output=str(tmp_path / "texture.png"))
-    scene.mps.bake.space = "TANGENT"  # for the next one
-    bpy.ops.mps.displace(method="MODIFIER", levels=1, output=str(tmp_path / "h.exr"))
-    assert worn_normal(estimated.material_slots[0].material) == "MPS Normal"
-    assert not (tmp_path / "h_normal.exr").exists()
-
-
 def test_the_next_bake_is_onto_the_object_without_the_displacement(worn, scene, tmp_path):
     bpy.ops.mps.displace(method="MODIFIER", levels=1, output=str(tmp_path / "h.exr"))
     bpy.ops.mps.bake(output=str(tmp_path / "again.png"))

@@ -101,34 +101,6 @@ def test_try_it_ends_in_before_and_after_and_then_in_relight(unfolded, album):
     window.see(lambda: changed(1), lambda pixels: pixels < 500, "still picture")
 
 
-# Gives the left half of the viewport to another editor.
-HALF = """
-window = bpy.context.window_manager.windows[0]
-area = next(area for area in window.screen.areas if area.type == "VIEW_3D")
-with bpy.context.temp_override(window=window, area=area):
-    bpy.ops.screen.area_split(direction="VERTICAL", factor=0.5)
-min((area for area in window.screen.areas if area.type == "VIEW_3D"), key=lambda area: area.x).type = "TEXT_EDITOR"
-"""
-
-
-def test_in_half_a_viewport_before_and_after_is_beside_the_sidebar(window, album):
-    window.ask("run", HALF)
-    window.wait(lambda state: state["sidebar"], "sidebar of what is left")
-    window.ask("run", "bpy.ops.mps.try_it(pixels=128, samples=1, size=256)")  # ends in Before / After
-    window.input("mousemove", EDITORS // 2 + 150, 400)
-
-    def shown() -> np.ndarray:
-        """The columns right of the pictures' that show the object, between the texts at the top and the bottom."""
-        picture = viewport(window)[150:-100, EDITORS // 2 + 8 :]
-        return (picture.max(axis=-1) > 0.2).mean(axis=0)[picture.shape[1] * 3 // 10 :] > 0.05
-
-    columns = window.see(shown, lambda columns: columns.mean() > 0.3, "object")
-    window.photograph(album / "before_after_half.png")
-    first, last = np.flatnonzero(columns)[[0, -1]]
-    assert last < len(columns) - 4, "the sidebar covers a part of it"
-    assert abs((first + last) / 2 - len(columns) / 2) < len(columns) / 5
-
-
 @for_the_docs
 def test_the_demo_is_displaced_and_a_material_is_made(unfolded, album, tmp_path):
     window = unfolded

@@ -321,15 +321,6 @@ def test_a_photo_that_is_not_filled_or_too_small_is_refused(tmp_path, capfd):
     assert "330 x 50 pixels are too few for a material; take 64 or more" in capfd.readouterr().err
 
 
-def test_a_material_of_another_photos_normals_is_refused():
-    weave = Weave()
-    small = NormalMap(np.zeros((70, 70, 3)), np.ones((70, 70), bool))
-    with pytest.raises(InputError, match="the photo is 330 x 260 but the normal map is 70 x 70"):
-        flat_material(weave.capture(), small, 0.2)
-    with pytest.raises(InputError, match="a pixel measures some millimetres above 0, not 0"):
-        flat_material(weave.capture(), weave.normal_map(), 0)
-
-
 @pytest.mark.parametrize("make", [leather, woven])
 @pytest.mark.parametrize("shine", [0.0, 0.25])
 def test_the_model_of_materials_is_the_better_one_for_what_the_photo_shows(make, shine):

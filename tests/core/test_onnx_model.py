@@ -19,7 +19,7 @@ from synthetic import Sphere, listing, shaded_sphere
 
 from mpsnet_core import Capture, InputError, estimate_normals
 from mpsnet_core.arrays.unit_vectors import normalised
-from mpsnet_core.estimate.card import CARD_KEY, CARD_VERSION, card_from_metadata
+from mpsnet_core.estimate.card import CARD_VERSION
 from mpsnet_core.estimate.dense import PATCHES_A_BATCH
 from mpsnet_core.estimate.features import feature_maps
 from mpsnet_core.estimate.onnx_model import OnnxModel
@@ -159,15 +159,6 @@ def test_a_provider_that_is_not_there_is_refused_with_those_that_are(tmp_path, a
         pytest.skip(f"this onnxruntime has {full_name}")
     with pytest.raises(InputError, match=f"provider '{asked}' is not in this onnxruntime; choose .*cpu"):
         OnnxModel(pass_through(tmp_path / "identity.onnx"), provider=asked)
-
-
-def test_a_card_comes_back_from_its_text() -> None:
-    for given in (
-        card(kind="patch", patch=7, inputs={"a": ("photo", "mask"), "b": ("lights",)}),
-        card(halo=5, multiple=4, frame="canonical", passes=3),
-        card(kind="pyramid", inputs={"a": ("photo", "mask", "previous"), "b": ("lights", "channel_means", "given")}),
-    ):
-        assert card_from_metadata({CARD_KEY: given.to_json()}) == given
 
 
 @pytest.mark.parametrize("kind", ["dense", "patch"])

@@ -223,13 +223,6 @@ def test_masks_go_with_frames_by_their_numbers(tmp_path: Path) -> None:
     assert run(photos, tmp_path / "out", masks=frame_masks(str(given))).made == 1
 
 
-def test_a_mask_of_a_sequence_without_numbers_is_refused(tmp_path: Path) -> None:
-    for name in ("front.png", "back.png"):
-        write_file(tmp_path / name, SPHERE.mask, "uint8")
-    with pytest.raises(InputError, match=r"are not numbered like frames; name them mask_0001\.png"):
-        frame_masks(str(tmp_path))
-
-
 # --- the command ------------------------------------------------------------------------------------------------------
 
 

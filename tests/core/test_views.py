@@ -433,13 +433,6 @@ DIRECTIONS = [{"direction": direction} for direction in published_rig().directio
 PLACES = [{"position": place} for place in (5 * published_rig().directions).tolist()]
 
 
-def test_an_lp_file_holds_no_lights_in_the_world(tmp_path: Path) -> None:
-    lines = [f"photo{number}.jpg 0.1 0.2 0.9{number}" for number in range(3)]
-    (tmp_path / "lights.LP").write_text("\n".join(["3", *lines]))
-    with pytest.raises(InputError, match=r"lights.LP: an .lp file's lights are relative to the camera; .* .json"):
-        read_world_lights(tmp_path / "lights.LP")
-
-
 def test_lights_near_the_object_are_lit_by_the_mesh_s_distance(table: Table) -> None:
     """The photos' lights were far away: lights ten thousand sizes away are as good, those nearby are another rig."""
     textures = []
