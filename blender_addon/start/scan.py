@@ -32,8 +32,8 @@ from .try_it import look_at
 # Two pictures of which the more colourful one is not so by this factor cannot be told apart.
 _CLEARLY = 1.1
 
-# From how far the result is shown, at most: in the target's largest dimension, and in the distance of the photo's camera,
-# which would be drawn over it.
+# From how far the result is shown, at most: as a multiple of the target's largest dimension, and of the distance of the
+# photo's camera, which would be drawn over it.
 _AWAY, _BEFORE_CAMERA = 2.0, 0.85
 
 
