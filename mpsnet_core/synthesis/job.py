@@ -11,7 +11,7 @@ from mpsnet_core.errors import FileError, FormatError, InputError, SettingsError
 from mpsnet_core.io.claims import LOCK_FILE, Claims
 from mpsnet_core.io.files import check_no_link, ensure_folder, read_json, write_json
 from mpsnet_core.io.opening import AnyPath
-from mpsnet_core.synthesis.capture_model import check_fields, limited, with_tuples
+from mpsnet_core.synthesis.field_limits import check_fields, limited, with_tuples
 
 JOB_FORMAT = "mpsnet-samples"
 JOB_VERSION = 1

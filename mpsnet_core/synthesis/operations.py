@@ -8,7 +8,7 @@ from typing import Any, ClassVar, Literal
 from mpsnet_core.errors import InputError, SettingsError
 from mpsnet_core.operation import Operation, Result, option, optional
 from mpsnet_core.progress import Progress, part, silent
-from mpsnet_core.synthesis.capture_model import limits_of
+from mpsnet_core.synthesis.field_limits import limits_of
 from mpsnet_core.synthesis.job import CONTACT_SHEET, MAX_BOUNCES, SampleJob, read_job
 
 # On one machine.

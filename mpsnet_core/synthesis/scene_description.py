@@ -8,7 +8,7 @@ import numpy as np
 from mpsnet_core.arrays.types import F64
 from mpsnet_core.errors import FormatError, InputError
 from mpsnet_core.scene.camera import Camera, camera_data, camera_from_data
-from mpsnet_core.synthesis.capture_model import with_tuples
+from mpsnet_core.synthesis.field_limits import with_tuples
 
 SCENE_VERSION = 1
 

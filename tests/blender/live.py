@@ -19,6 +19,10 @@ BELOW = 905  # and below it
 STEP = 8  # pixels; a button is about 20 high
 # How long to wait for what will come: a busy machine draws a window in software, and takes a minute for some frames.
 PATIENCE = 300  # seconds
+IN_GERMAN = """
+view = bpy.context.preferences.view
+view.language, view.use_translate_interface, view.use_translate_tooltips = "de_DE", True, True
+"""
 
 
 class Window:

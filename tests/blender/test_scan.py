@@ -3,7 +3,7 @@
 import os
 import shutil
 
-from live import Window
+from live import IN_GERMAN, Window
 
 # Takes the photo of a statue under a rig, writes its mesh without UVs, and leaves an empty scene.
 STATUE = """
@@ -48,10 +48,6 @@ view.view_location, view.view_distance = (0, 0, 0), 6
 TARGET = """
 mps = bpy.context.scene.mps
 open({told!r}, "w").write(f"{{mps.bake.target.name}} {{mps.photo.image.filepath}} {{mps.estimate.white}}")
-"""
-IN_GERMAN = """
-view = bpy.context.preferences.view
-view.language, view.use_translate_interface, view.use_translate_tooltips = "de_DE", True, True
 """
 
 

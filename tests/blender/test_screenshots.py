@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from live import Window, drawn, save
+from live import IN_GERMAN, Window, drawn, save
 
 SETTLE = "0.3"  # seconds in which Blender sees where the mouse is
 THEME = """
@@ -22,10 +22,6 @@ folder = bpy.utils.preset_paths("interface_theme")[0]
 bpy.ops.script.execute_preset(
     menu_idname="USERPREF_MT_interface_theme_presets", filepath=os.path.join(folder, "Blender_{}.xml")
 )
-"""
-IN_GERMAN = """
-view = bpy.context.preferences.view
-view.language, view.use_translate_interface, view.use_translate_tooltips = "de_DE", True, True
 """
 LOOKS = {"1x": (1, "Dark"), "2x": (2, "Light"), "german": (1, "Light")}  # the scale and the theme
 # What is beside the panel costs most of a redraw, and no picture shows it.

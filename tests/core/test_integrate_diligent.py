@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 from synthetic import degrees_between
 
+pytest.importorskip("scipy")
+
 from mpsnet_core import Camera, NormalMap, integrate, read_mask
 from mpsnet_core.learning.evaluation.diligent import object_folder, read_truth
 

@@ -10,7 +10,8 @@ from typing import Any, Literal
 from mpsnet_core.errors import FormatError, InputError, SettingsError
 from mpsnet_core.io.files import existing_file
 from mpsnet_core.io.opening import AnyPath
-from mpsnet_core.synthesis.capture_model import CaptureModel, check_fields, limited, with_tuples
+from mpsnet_core.synthesis.capture_model import CaptureModel
+from mpsnet_core.synthesis.field_limits import check_fields, limited, with_tuples
 
 RECIPES = Path(__file__).parent / "recipes"
 # A name of many dots takes memory by the square of them.
