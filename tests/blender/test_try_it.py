@@ -105,6 +105,7 @@ def test_try_it_ends_in_before_and_after_and_then_in_relight(unfolded, album):
 def test_the_demo_is_displaced_and_a_material_is_made(unfolded, album, tmp_path):
     window = unfolded
     window.ask("run", "bpy.ops.mps.try_it(size=1024)")
+    window.input("mousemove", 300, 400, "sleep", "2", "key", "Escape", "sleep", "2")  # ends Before / After
     work(window, "displace", method="MODIFIER", levels=3, output=str(tmp_path / "height.exr"))
     work(window, "integrate", curvature=True, output=str(tmp_path / "view.exr"))
     window.ask(
@@ -146,6 +147,7 @@ def test_the_demo_is_displaced_and_a_material_is_made(unfolded, album, tmp_path)
 def test_the_demo_is_baked_from_all_around(unfolded, album, tmp_path):
     window = unfolded
     window.ask("run", "bpy.ops.mps.try_it(size=512)")
+    window.input("mousemove", 300, 400, "sleep", "2", "key", "Escape", "sleep", "2")  # ends Before / After
     window.ask(
         "run",
         "import math, mathutils\nscene = bpy.context.scene\nrig = scene.mps.rig\n"
