@@ -27,7 +27,7 @@ class CaptureDraw:
     colours: F64
     """(3, 3) float64. What channel i sees of a surface's red, green and blue; rows sum to 1."""
     known_mixing: F64
-    """(3, 3) float64. What whoever estimates takes the mixing for."""
+    """(3, 3) float64. The mixing matrix that the estimate assumes."""
     direction_errors: F64
     """(3, 3) float64. Radians, how far the light directions that are known are off; of each row only the part across
     the light's direction counts."""

@@ -73,7 +73,7 @@ def folder_samples(folder: AnyPath) -> list[Path]:
 
 
 def is_sample(path: AnyPath) -> bool:
-    """Whether a file, even a damaged one, is a sample and not a photo. Raises InputError if it is no image."""
+    """Whether a file, even a damaged one, is a sample and not a photo. Raises InputError if it is not an image."""
     return "light1" in image_layers(path)
 
 

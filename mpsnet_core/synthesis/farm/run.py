@@ -74,8 +74,8 @@ def make_samples(
 
     command: of a worker (:mod:`mpsnet_core.synthesis.farm.work`). processes: workers on this machine, 0 for one per
     core. cluster: address of a Dask scheduler whose workers do it instead; they must reach the folder by the same path.
-    cluster_trusted: allow a remote address without TLS, because the whole network is trusted; whoever answers there can
-    run any code here.
+    cluster_trusted: allow a remote address without TLS, because the whole network is trusted; a server that answers
+    there can run any code here.
 
     However it ends, existing samples are complete, and the same call continues. Several runs can share a folder, and
     share the work.
