@@ -65,10 +65,8 @@ class MPS_OT_choose_file(bpy.types.Operator):
     def execute(self, context: Any) -> set[Any]:
         remember_folder(self.filepath)
         relative = bpy.data.filepath and context.preferences.filepaths.use_relative_paths
-        chosen, names = (
-            sorted(str(Path(self.directory, file.name)) for file in self.files),
-            _TOGETHER.get(self.setting, ()),
-        )
+        chosen = sorted(str(Path(self.directory, file.name)) for file in self.files)
+        names = _TOGETHER.get(self.setting, ())
         pairs = zip(names, chosen, strict=True) if len(names) == len(chosen) > 1 else [(self.setting, self.filepath)]
         for name, file in pairs:
             setattr(context.scene.path_resolve(self.group), name, bpy.path.relpath(file) if relative else file)
