@@ -228,7 +228,8 @@ class _Bake:
         # Where UVs overlap (mirrored halves), a triangle that a view sees wins: it is rasterised last.
         order = np.argsort(np.concatenate(seen), kind="stable")
         corners = np.concatenate([surface.corners for surface in surfaces])
-        under = _RasterisedSurfaces(surfaces, order, Raster(corners[order], fine_size))
+        may_show = np.append(self._facing_a_view(surfaces)[order], False)
+        under = _RasterisedSurfaces(surfaces, order, Raster(corners[order], fine_size), may_show)
         coloured = self.projectors.values > 4
         texture = _blank((height, width), self.baking.space, colours=coloured)
         island_of = self._islands(texture_set)
@@ -279,6 +280,14 @@ class _Bake:
             progress=part(progress, 0.6, 0.9),
         )
 
+    def _facing_a_view(self, surfaces: Sequence[TexelSampler]) -> Bools:
+        """(T,) whether some view may see the front of each triangle; all of them if each texel must be computed."""
+        count = sum(len(surface.corners) for surface in surfaces)
+        if self.baking.space == "object" or not self.projectors.all:
+            return np.ones(count, bool)
+        facing = [np.any([view.faces(surface) for view in self.projectors.all], axis=0) for surface in surfaces]
+        return np.concatenate(facing)
+
     def _seams(self, texture_set: TextureSet) -> SeamEdges:
         """The seams of the texture set's meshes in its unit square, with the islands' numbers of :meth:`_islands`."""
         assert self.islands is not None
@@ -311,8 +320,9 @@ class _Bake:
                 laid = under.raster.rows(slice(rows.start + band.start, rows.start + band.stop))
                 here = points.rows(band)
                 np.greater_equal(laid, 0, out=here.covered)
-                for surface, triangle, texels in under.patches(laid):
-                    row, column = np.divmod(texels, width)
+                for surface, triangle, texels in under.patches(laid, under.may_show):
+                    row = texels // width
+                    column = texels - row * width
                     place = surface.place(triangle, column, row + (rows.start + band.start))
                     if first:
                         sums = ViewAccumulator.none(len(texels), self.projectors.values)
@@ -329,7 +339,7 @@ class _Bake:
                     here.seen[...] = here.views != 0
                     # +z: the surface's own normal in tangent space, or no surface.
                     flat = ~here.covered if self.baking.space == "object" else ~here.seen
-                    here.vectors.reshape(-1)[3 * np.flatnonzero(flat) + 2] = 1
+                    np.copyto(here.vectors[..., 2], 1, where=flat)
 
             def after(count: int = len(batch)) -> None:
                 nonlocal done
@@ -383,13 +393,15 @@ class _RasterisedSurfaces:
     """For each triangle of `raster`, its index among the concatenated triangles of all surfaces."""
     raster: Raster
     """Rasterised triangles of all surfaces, concatenated and sorted by `order`."""
+    may_show: Bools
+    """(T + 1,). Whether some view may see each triangle of `raster`; at the end False, for points without one."""
 
-    def patches(self, laid: I32) -> Iterator[tuple[TexelSampler, I64, I64]]:
+    def patches(self, laid: I32, chosen: Bools | None = None) -> Iterator[tuple[TexelSampler, I64, I64]]:
         """Yield each surface with (N,) its triangles and (N,) the flat indices of the points above them.
 
-        laid: (R, C) triangle numbers, rows of the raster.
+        laid: (R, C) triangle numbers, rows of the raster. chosen: (T + 1,) which triangles, as `may_show`.
         """
-        texels = np.flatnonzero(laid >= 0)
+        texels = np.flatnonzero(laid >= 0 if chosen is None else chosen[laid])
         triangle = self.order.take(laid.ravel().take(texels))
         if len(self.surfaces) == 1:
             yield self.surfaces[0], triangle, texels
