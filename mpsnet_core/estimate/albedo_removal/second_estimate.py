@@ -7,6 +7,7 @@ from mpsnet_core.arrays.unit_vectors import normalised
 from mpsnet_core.capture.capture import Capture
 from mpsnet_core.estimate.albedo_removal.chromaticity import divide_out_chromaticity_albedo
 from mpsnet_core.estimate.albedo_removal.clusters import divide_out_clustered_albedo
+from mpsnet_core.estimate.halved import halved_capture
 from mpsnet_core.estimate.onnx_model import OnnxModel
 from mpsnet_core.progress import Progress, part
 from mpsnet_core.scene.normal_map import NormalMap
@@ -15,6 +16,8 @@ from mpsnet_core.scene.normal_map import NormalMap
 # by this factor because its photo is a guess.
 POWER, CAUTION = 8, 1.05
 MIN_ERROR = 0.003  # as a share of a right angle
+# An object of more pixels is estimated at half the resolution first; passes on its finest scale.
+SETTLED, FINEST_PASSES = 1 << 22, 2
 
 
 def estimate_with_albedo_removed(network: OnnxModel, photo: Capture, grey: Capture, progress: Progress) -> NormalMap:
@@ -35,11 +38,22 @@ def estimate_with_albedo_removed(network: OnnxModel, photo: Capture, grey: Captu
     With a white photo, the result is the second estimate, and one pass is enough for the first. Without one, a second
     estimate of one pass finds the colours more accurately than the first. The result blends the first and the third
     estimate by confidence. A surface of one colour needs only one estimate.
+
+    All of that settles the colours and the larger shapes. A large photo shows them at half its resolution already, so
+    it is done there, and the finest scale takes few passes.
     """
+    if np.count_nonzero(grey.mask) > SETTLED:
+        small = halved_capture(grey)
+        small_photo = small if grey.white is None else halved_capture(photo)
+        settled = estimate_with_albedo_removed(network, small_photo, small, part(progress, 0.0, 0.5))
+        output = np.concatenate([settled.vectors, settled.confidence[..., None]], axis=-1)
+        del small, small_photo, settled  # a large photo takes much memory
+        finest = _run_progress("finest scale", progress, 0.5, 1.0)
+        return network(grey, finest, passes=FINEST_PASSES, settled=output)
     if grey.white is not None:
         first = network(grey, _run_progress("first estimate", progress, 0.0, 0.25), passes=1)
         flattened = divide_out_chromaticity_albedo(photo, grey, first)
-        del first  # a large photo takes much memory
+        del first
         return network(flattened, _run_progress("second estimate", progress, 0.25, 1.0))
     first = network(grey, _run_progress("first estimate", progress, 0.0, 0.4))
     one_colour = divide_out_clustered_albedo(grey, first)
