@@ -10,6 +10,7 @@ from synthetic import degrees_between
 
 from mpsnet_core import Capture, NormalMap, published_rig
 from mpsnet_core.arrays.unit_vectors import normalised
+from mpsnet_core.estimate.albedo_removal import second_estimate
 from mpsnet_core.estimate.albedo_removal.chromaticity import divide_out_chromaticity_albedo
 from mpsnet_core.estimate.albedo_removal.clusters import divide_out_clustered_albedo
 from mpsnet_core.estimate.albedo_removal.second_estimate import blend_by_confidence
@@ -104,7 +105,9 @@ def test_black_around_the_object_does_not_count() -> None:
 
 
 @pytest.mark.parametrize("white", [False, True])
-def test_a_still_of_a_painted_surface_gains_by_it(white: bool) -> None:
+@pytest.mark.parametrize("settled", [second_estimate.SETTLED, 10_000])
+def test_a_still_of_a_painted_surface_gains_by_it(monkeypatch, settled: int, white: bool) -> None:
+    monkeypatch.setattr(second_estimate, "SETTLED", settled)
     painted = Painted(narrow=not white)
     capture = painted.capture if white else replace(painted.capture, white=None)
     network = find_network("multiscale")

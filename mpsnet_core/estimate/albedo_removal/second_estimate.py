@@ -9,6 +9,7 @@ from mpsnet_core.estimate.albedo_removal.chromaticity import divide_out_chromati
 from mpsnet_core.estimate.albedo_removal.clusters import divide_out_clustered_albedo
 from mpsnet_core.estimate.halved import halved_capture
 from mpsnet_core.estimate.onnx_model import OnnxModel
+from mpsnet_core.io.image import storage_type
 from mpsnet_core.progress import Progress, part
 from mpsnet_core.scene.normal_map import NormalMap
 
@@ -16,8 +17,8 @@ from mpsnet_core.scene.normal_map import NormalMap
 # by this factor because its photo is a guess.
 POWER, CAUTION = 8, 1.05
 MIN_ERROR = 0.003  # as a share of a right angle
-# An object of more pixels is estimated at half the resolution first; passes on its finest scale.
-SETTLED, FINEST_PASSES = 1 << 22, 2
+# Colours of an object of more pixels are found at half the resolution.
+SETTLED = 1 << 21
 
 
 def estimate_with_albedo_removed(network: OnnxModel, photo: Capture, grey: Capture, progress: Progress) -> NormalMap:
@@ -39,17 +40,18 @@ def estimate_with_albedo_removed(network: OnnxModel, photo: Capture, grey: Captu
     estimate of one pass finds the colours more accurately than the first. The result blends the first and the third
     estimate by confidence. A surface of one colour needs only one estimate.
 
-    All of that settles the colours and the larger shapes. A large photo shows them at half its resolution already, so
-    it is done there, and the finest scale takes few passes.
+    A large photo shows colours and larger shapes at half its resolution already. All of that is done there, and the
+    finest scale is estimated once, from the result.
     """
     if np.count_nonzero(grey.mask) > SETTLED:
         small = halved_capture(grey)
         small_photo = small if grey.white is None else halved_capture(photo)
         settled = estimate_with_albedo_removed(network, small_photo, small, part(progress, 0.0, 0.5))
-        output = np.concatenate([settled.vectors, settled.confidence[..., None]], axis=-1)
+        output = np.empty((*small.mask.shape, 4), storage_type(grey.mask.shape))
+        output[..., :3], output[..., 3] = settled.vectors, settled.confidence
         del small, small_photo, settled  # a large photo takes much memory
         finest = _run_progress("finest scale", progress, 0.5, 1.0)
-        return network(grey, finest, passes=FINEST_PASSES, settled=output)
+        return network(grey, finest, settled=output)
     if grey.white is not None:
         first = network(grey, _run_progress("first estimate", progress, 0.0, 0.25), passes=1)
         flattened = divide_out_chromaticity_albedo(photo, grey, first)
