@@ -13,7 +13,6 @@ from mpsnet_core.arrays.unit_vectors import normalised
 from mpsnet_core.estimate.albedo_removal import second_estimate
 from mpsnet_core.estimate.albedo_removal.chromaticity import divide_out_chromaticity_albedo
 from mpsnet_core.estimate.albedo_removal.clusters import divide_out_clustered_albedo
-from mpsnet_core.estimate.albedo_removal.second_estimate import blend_by_confidence
 from mpsnet_core.estimate.estimator import Estimator
 from mpsnet_core.estimate.onnx_model import OnnxModel
 from mpsnet_core.estimate.registry import find_network
@@ -121,7 +120,7 @@ def test_each_pixel_takes_the_estimate_that_expects_less_error() -> None:
     left, right = (np.broadcast_to(np.float32([x, 0, 1]), (1, 4, 3)) for x in (-1, 1))
     first = NormalMap(left, mask, np.float32([[0.9, 0.5, 0.9, 0.0]]))
     second = NormalMap(right, mask, np.float32([[0.5, 0.9, 0.9, 0.0]]))
-    result = blend_by_confidence(first, second)
+    result = second_estimate.blend_by_confidence(first, second)
     np.testing.assert_allclose(result.vectors[0, 0], left[0, 0] / np.sqrt(2), atol=1e-3)
     np.testing.assert_allclose(result.vectors[0, 1], right[0, 0] / np.sqrt(2), atol=1e-3)
     np.testing.assert_allclose(result.confidence, [[0.9, 0.9, 0.9, 0.0]], atol=0.01)

@@ -18,7 +18,6 @@ from mpsnet_core.estimate.albedo_removal import second_estimate
 from mpsnet_core.estimate.distant_lights import convert_to_distant_view
 from mpsnet_core.estimate.onnx_model import OnnxModel
 from mpsnet_core.io.image import Image
-from mpsnet_core.progress import silent
 from mpsnet_core.scene.mesh import Mesh, shared_normals
 from mpsnet_core.scene.rays import RayScene, depth_of_mesh
 from mpsnet_core.scene.rig import LightRig, near_rig, published_rig, read_rig, write_rig
@@ -81,7 +80,7 @@ def test_what_a_network_sees_is_turned_and_relit_and_its_answer_turned_back(tmp_
 def test_what_is_settled_at_half_the_size_is_turned_too(tmp_path: Path, wide: Scene, monkeypatch) -> None:
     monkeypatch.setattr(second_estimate, "SETTLED", 5000)
     capture, network = wide.capture(), OnnxModel(hands_on(tmp_path / "same.onnx"))
-    normals = second_estimate.estimate_with_albedo_removed(network, capture, capture, silent)
+    normals = second_estimate.estimate_with_albedo_removed(network, capture, capture, lambda *_: None)
     assert degrees_between(normals.vectors, wide.normals)[wide.lit].mean() < 4
 
 

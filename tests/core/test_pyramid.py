@@ -1,6 +1,5 @@
 """Pyramids, networks that run on one scale after another: against loops in NumPy, and on pictures that are known."""
 
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -168,8 +167,7 @@ def test_coarse_answers_arrive_in_place(tmp_path, monkeypatch, tilts, passes: in
 @pytest.mark.parametrize("magnified", [1.0, 2.38])
 def test_something_flat_stays_flat_however_narrow_and_up_to_the_picture_s_edge(tmp_path, shape, tile, magnified):
     normal = np.array([0.3, -0.2, 0.9]) / np.linalg.norm([0.3, -0.2, 0.9])
-    capture = Capture(np.broadcast_to(normal @ RIG.directions.T, (*shape, 3)), np.ones(shape, bool), RIG)
-    capture = replace(capture, rig=LightRig(RIG.directions))
+    capture = Capture(np.full((*shape, 3), normal @ RIG.directions.T), np.ones(shape, bool), LightRig(RIG.directions))
     model = hands_on(tmp_path / "n.onnx", halo=5, multiple=4, passes=6, magnified=magnified)
     found = estimate_normals(capture, model, tile=tile)
     np.testing.assert_allclose(found.vectors, np.broadcast_to(normal, (*shape, 3)), atol=1e-5)

@@ -46,11 +46,11 @@ def estimate_with_albedo_removed(network: OnnxModel, photo: Capture, grey: Captu
     if np.count_nonzero(grey.mask) > SETTLED:
         small = halved_capture(grey)
         small_photo = small if grey.white is None else halved_capture(photo)
-        settled = estimate_with_albedo_removed(network, small_photo, small, part(progress, 0.0, 0.5))
+        settled = estimate_with_albedo_removed(network, small_photo, small, part(progress, 0.0, 0.3))
         output = np.empty((*small.mask.shape, 4), storage_type(grey.mask.shape))
         output[..., :3], output[..., 3] = settled.vectors, settled.confidence
         del small, small_photo, settled  # a large photo takes much memory
-        finest = _run_progress("finest scale", progress, 0.5, 1.0)
+        finest = _run_progress("finest scale", progress, 0.3, 1.0)
         return network(grey, finest, settled=output)
     if grey.white is not None:
         first = network(grey, _run_progress("first estimate", progress, 0.0, 0.25), passes=1)
