@@ -19,6 +19,8 @@ POWER, CAUTION = 8, 1.05
 MIN_ERROR = 0.003  # as a share of a right angle
 # Colours of an object of more pixels are found at half the resolution.
 SETTLED = 1 << 21
+# On a scale of more pixels, two passes are as accurate as three.
+LARGE, LARGE_PASSES = 1 << 23, 2
 
 
 def estimate_with_albedo_removed(network: OnnxModel, photo: Capture, grey: Capture, progress: Progress) -> NormalMap:
@@ -43,7 +45,8 @@ def estimate_with_albedo_removed(network: OnnxModel, photo: Capture, grey: Captu
     A large photo shows colours and larger shapes at half its resolution already. All of that is done there, and the
     finest scale is estimated once, from the result.
     """
-    if np.count_nonzero(grey.mask) > SETTLED:
+    pixels = np.count_nonzero(grey.mask)
+    if pixels > SETTLED:
         small = halved_capture(grey)
         small_photo = small if grey.white is None else halved_capture(photo)
         settled = estimate_with_albedo_removed(network, small_photo, small, part(progress, 0.0, 0.3))
@@ -51,7 +54,7 @@ def estimate_with_albedo_removed(network: OnnxModel, photo: Capture, grey: Captu
         output[..., :3], output[..., 3] = settled.vectors, settled.confidence
         del small, small_photo, settled  # a large photo takes much memory
         finest = _run_progress("finest scale", progress, 0.3, 1.0)
-        return network(grey, finest, settled=output)
+        return network(grey, finest, passes=LARGE_PASSES if pixels > LARGE else None, settled=output)
     if grey.white is not None:
         first = network(grey, _run_progress("first estimate", progress, 0.0, 0.25), passes=1)
         flattened = divide_out_chromaticity_albedo(photo, grey, first)
