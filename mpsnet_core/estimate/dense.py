@@ -46,14 +46,7 @@ class NetworkRunner(Protocol):
     def __call__(self, inputs: dict[str, F32], count: int, *size: int) -> tuple[F32, F32]: ...
 
 
-def predict_dense(
-    network: NetworkRunner,
-    card: ModelCard,
-    capture: Capture,
-    tile: int,
-    progress: Progress,
-    settled: Floats | None = None,
-) -> Floats:
+def predict_dense(network: NetworkRunner, card: ModelCard, capture: Capture, tile: int, progress: Progress) -> Floats:
     """(H, W, 4) normals of `capture`, not normalised, and their confidence; zero outside the mask.
 
     A pyramid's first scale shows the whole object on at most 128 pixels a side. Each further scale has twice the
@@ -63,22 +56,16 @@ def predict_dense(
     If the card says to magnify, the finest scale of at most 256 pixels a side is magnified and estimated by a pyramid
     of its own: a small photo has too few scales.
 
-    settled: (⌈H/2⌉, ⌈W/2⌉, 4) the output at half the resolution, if it is known: then only the finest scale is
-    computed. It is freed.
-
     Scales, features and outputs are computed a tile at a time: large photos need little memory beyond the photo and
     the returned array.
     """
     output: Floats = np.zeros((*capture.mask.shape, 4), storage_type(capture.mask.shape))
-    photo = _Photo(capture, 1 if settled is None else 2)
+    photo = _Photo(capture)
     frames = canonical_frames(capture.rig.directions, card.passes) if card.frame == "canonical" else [CAMERA_FRAME]
     first = SMALL if card.magnified > 1 else COARSEST
-    halvings = photo.halvings(first) if card.kind == "pyramid" and settled is None else 0
+    halvings = photo.halvings(first) if card.kind == "pyramid" else 0
     previous: Floats | None = None
-    if settled is not None:
-        previous = settled[tuple(slice(side.start // 2, -(-side.stop // 2)) for side in photo.box)].copy()
-        settled.resize(0, refcheck=False)  # a large photo's takes much memory
-    elif card.magnified > 1:
+    if card.magnified > 1:
         rest = sum(4.0**k for k in range(1, halvings + 1))
         share = card.magnified**2 / (card.magnified**2 + rest)
         previous = _predict_magnified(network, card, photo, halvings, tile, part(progress, 0.0, share))
@@ -143,11 +130,10 @@ def _relative_to_window(place: Window, window: Window) -> Window:
 
 
 class _Photo:
-    """The photo within the object's bounding box, on any scale. The box starts at multiples of `grain` pixels."""
+    """The photo within the object's bounding box, on any scale."""
 
-    def __init__(self, capture: Capture, grain: int) -> None:
-        rows, columns = (slice(side.start // grain * grain, side.stop) for side in bounding_box(capture.mask))
-        self.box = rows, columns
+    def __init__(self, capture: Capture) -> None:
+        self.box = bounding_box(capture.mask)
         self.capture = capture
         self._means = mean_light(capture)
 

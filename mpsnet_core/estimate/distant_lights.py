@@ -47,19 +47,10 @@ def convert_to_distant_view(capture: Capture) -> Capture:
 
 def rotate_to_camera_space(normals: F32, camera: Camera | None) -> None:
     """Rotate normals (H, W, 3) estimated from :func:`convert_to_distant_view` into camera space, in place."""
-    _rotate_all(normals, camera, -1)
-
-
-def rotate_from_camera_space(normals: Floats, camera: Camera | None) -> None:
-    """The inverse of :func:`rotate_to_camera_space`."""
-    _rotate_all(normals, camera, 1)
-
-
-def _rotate_all(normals: Floats, camera: Camera | None, sign: int) -> None:
     if not _is_perspective(camera):
         return
     for rows in bands(len(normals), ROWS):
-        normals[rows] = _rotate(normals[rows], sign * _rotation_to_z(camera, rows))
+        normals[rows] = _rotate(normals[rows], -_rotation_to_z(camera, rows))
 
 
 def _relight(capture: Capture, *, rotate: bool) -> Capture:

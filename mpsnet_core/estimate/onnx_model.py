@@ -16,16 +16,12 @@ import numpy as np
 import onnxruntime
 
 from mpsnet_core.arrays.row_bands import bands
-from mpsnet_core.arrays.types import F32, Floats
+from mpsnet_core.arrays.types import F32
 from mpsnet_core.capture.capture import Capture
 from mpsnet_core.errors import FormatError, SettingsError, check_choice
 from mpsnet_core.estimate.card import ModelCard, card_from_metadata, record_from_metadata
 from mpsnet_core.estimate.dense import predict_dense, predict_patches
-from mpsnet_core.estimate.distant_lights import (
-    convert_to_distant_view,
-    rotate_from_camera_space,
-    rotate_to_camera_space,
-)
+from mpsnet_core.estimate.distant_lights import convert_to_distant_view, rotate_to_camera_space
 from mpsnet_core.estimate.features import CONSTANTS, channel_count
 from mpsnet_core.estimate.registry import DEFAULT_TILE
 from mpsnet_core.io.files import existing_file, prefix_errors
@@ -209,25 +205,15 @@ class OnnxModel:
         self.record = record_from_metadata(metadata)
         self._outputs = [node.name for node in self.session.get_outputs()]
 
-    def __call__(
-        self,
-        capture: Capture,
-        progress: Progress = silent,
-        *,
-        passes: int | None = None,
-        settled: Floats | None = None,
-    ) -> NormalMap:
+    def __call__(self, capture: Capture, progress: Progress = silent, *, passes: int | None = None) -> NormalMap:
         """Normals of `capture` in camera space. Confidence is 1 inside the mask unless the network outputs it.
 
-        passes: replaces the number on the card of dense networks. settled: of pyramids, (⌈H/2⌉, ⌈W/2⌉, 4) normals in
-        camera space and their confidence, from which only the finest scale is estimated. It is freed.
+        passes: replaces the number on the card of dense networks.
         """
         card = self.card if passes is None else replace(self.card, passes=passes)
         seen = convert_to_distant_view(capture)
         if self.card.kind != "patch":
-            if settled is not None:
-                rotate_from_camera_space(settled[..., :3], capture.camera and capture.camera.halved())
-            answer = predict_dense(self._run, card, seen, self.tile, progress, settled)
+            answer = predict_dense(self._run, card, seen, self.tile, progress)
         else:
             answer = predict_patches(self._run, self.card, seen, progress)
         if not any(answer[rows, :, :3].any() for rows in bands(len(answer))):

@@ -109,10 +109,6 @@ class Camera:
         centre = (self.centre - (left, top)) / factor
         return replace(self, width=width, height=height, focal=self.focal / factor, centre=centre)
 
-    def halved(self) -> "Camera":
-        """The camera of the image at half the resolution, whose size is rounded up."""
-        return self.cropped(0, 0, self.width, self.height, 2)
-
     def projection_rows(self) -> F64:
         """(3, 4) projection matrix P: for a homogeneous world point p, P p is (x w, y w, w) in pixels."""
         camera_from_world = np.linalg.inv(self.world_from_camera)

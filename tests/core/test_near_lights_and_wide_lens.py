@@ -7,16 +7,14 @@ import numpy as np
 import pytest
 import trimesh
 from near_scene import NEAR, SIZE, WIDE, Scene, ball
-from networks import hands_on, pass_through
+from networks import pass_through
 from synthetic import CROSSTALK, degrees_between, write_file
 
 from mpsnet_core import Camera, Capture, estimate_normals, read_normals, write_camera
 from mpsnet_core.capture.open import PhotoSet, Source, read_capture
 from mpsnet_core.cli import main
 from mpsnet_core.errors import InputError, NoObject
-from mpsnet_core.estimate.albedo_removal import second_estimate
 from mpsnet_core.estimate.distant_lights import convert_to_distant_view
-from mpsnet_core.estimate.onnx_model import OnnxModel
 from mpsnet_core.io.image import Image
 from mpsnet_core.scene.mesh import Mesh, shared_normals
 from mpsnet_core.scene.rays import RayScene, depth_of_mesh
@@ -75,13 +73,6 @@ def test_what_a_network_sees_is_turned_and_relit_and_its_answer_turned_back(tmp_
     normals = estimate_normals(scene.capture(), pass_through(tmp_path / "same.onnx"))
     assert frontal.sum() > 0.7 * scene.lit.sum()
     assert degrees_between(normals.vectors, scene.normals)[frontal].mean() < 0.02
-
-
-def test_what_is_settled_at_half_the_size_is_turned_too(tmp_path: Path, wide: Scene, monkeypatch) -> None:
-    monkeypatch.setattr(second_estimate, "SETTLED", 5000)
-    capture, network = wide.capture(), OnnxModel(hands_on(tmp_path / "same.onnx"))
-    normals = second_estimate.estimate_with_albedo_removed(network, capture, capture, lambda *_: None)
-    assert degrees_between(normals.vectors, wide.normals)[wide.lit].mean() < 4
 
 
 def test_a_network_sees_a_ball_from_nearby_as_from_afar() -> None:

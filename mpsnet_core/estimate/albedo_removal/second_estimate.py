@@ -7,9 +7,7 @@ from mpsnet_core.arrays.unit_vectors import normalised
 from mpsnet_core.capture.capture import Capture
 from mpsnet_core.estimate.albedo_removal.chromaticity import divide_out_chromaticity_albedo
 from mpsnet_core.estimate.albedo_removal.clusters import divide_out_clustered_albedo
-from mpsnet_core.estimate.halved import halved_capture
 from mpsnet_core.estimate.onnx_model import OnnxModel
-from mpsnet_core.io.image import storage_type
 from mpsnet_core.progress import Progress, part
 from mpsnet_core.scene.normal_map import NormalMap
 
@@ -17,10 +15,6 @@ from mpsnet_core.scene.normal_map import NormalMap
 # by this factor because its photo is a guess.
 POWER, CAUTION = 8, 1.05
 MIN_ERROR = 0.003  # as a share of a right angle
-# Colours of an object of more pixels are found at half the resolution.
-SETTLED = 1 << 21
-# On a scale of more pixels, two passes are as accurate as three.
-LARGE, LARGE_PASSES = 1 << 23, 2
 
 
 def estimate_with_albedo_removed(network: OnnxModel, photo: Capture, grey: Capture, progress: Progress) -> NormalMap:
@@ -41,24 +35,11 @@ def estimate_with_albedo_removed(network: OnnxModel, photo: Capture, grey: Captu
     With a white photo, the result is the second estimate, and one pass is enough for the first. Without one, a second
     estimate of one pass finds the colours more accurately than the first. The result blends the first and the third
     estimate by confidence. A surface of one colour needs only one estimate.
-
-    A large photo shows colours and larger shapes at half its resolution already. All of that is done there, and the
-    finest scale is estimated once, from the result.
     """
-    pixels = np.count_nonzero(grey.mask)
-    if pixels > SETTLED:
-        small = halved_capture(grey)
-        small_photo = small if grey.white is None else halved_capture(photo)
-        settled = estimate_with_albedo_removed(network, small_photo, small, part(progress, 0.0, 0.3))
-        output = np.empty((*small.mask.shape, 4), storage_type(grey.mask.shape))
-        output[..., :3], output[..., 3] = settled.vectors, settled.confidence
-        del small, small_photo, settled  # a large photo takes much memory
-        finest = _run_progress("finest scale", progress, 0.3, 1.0)
-        return network(grey, finest, passes=LARGE_PASSES if pixels > LARGE else None, settled=output)
     if grey.white is not None:
         first = network(grey, _run_progress("first estimate", progress, 0.0, 0.25), passes=1)
         flattened = divide_out_chromaticity_albedo(photo, grey, first)
-        del first
+        del first  # a large photo takes much memory
         return network(flattened, _run_progress("second estimate", progress, 0.25, 1.0))
     first = network(grey, _run_progress("first estimate", progress, 0.0, 0.4))
     one_colour = divide_out_clustered_albedo(grey, first)

@@ -22,13 +22,12 @@ from typing import NamedTuple
 import numpy as np
 
 from mpsnet_core.arrays.mask_regions import bounding_box, box_sums
-from mpsnet_core.arrays.resampling import sampled_rows, upsampled
+from mpsnet_core.arrays.resampling import means_inside, sampled_rows, upsampled
 from mpsnet_core.arrays.row_bands import bands, on_all_cores
 from mpsnet_core.arrays.types import F64, Bools, Floats
 from mpsnet_core.arrays.unit_vectors import dot, normalised
 from mpsnet_core.capture.capture import Capture
 from mpsnet_core.estimate.distant_lights import lights_in, pseudo_normals, pseudo_normals_by_light
-from mpsnet_core.estimate.halved import halved_capture, halved_normals
 from mpsnet_core.progress import Progress, part, silent
 from mpsnet_core.scene.normal_map import NormalMap
 
@@ -171,14 +170,36 @@ def _directions(vectors: F64, weights: F64) -> float:
     return float(np.exp(-(shares * np.log(shares)).sum())) if len(shares) else 0.0
 
 
-# --- correct the normals by what was found at half the resolution ----------------------------------------------------
+# --- halve the resolution of a photo and its normals, and correct the normals by what was found there -----------------
 # Noise can hide that a surface has one albedo. The mean of four pixels has half the noise.
 
 
-# Rows at a time.
+# Rows at a time; even, because pairs of rows are averaged.
 ROWS = 256
 # Share of the confidence gained at half the resolution that counts at full: finer relief may still be wrong.
 SURE = 0.8
+
+
+def halve(capture: Capture, estimate: NormalMap) -> tuple[Capture, NormalMap]:
+    """Both at half the resolution: each pixel is the mean of those inside the mask, and clipped if one of them is."""
+    shape = tuple(-(-side // 2) for side in capture.mask.shape)
+    image = np.zeros((*shape, 3), capture.image.dtype)
+    normals = np.zeros((*shape, 4), estimate.vectors.dtype)
+    mask, clipped = np.zeros(shape, bool), np.zeros((*shape, 3), bool)
+    camera, depth = capture.camera, None if capture.depth is None else np.zeros(shape, np.float32)
+    for rows in bands(len(capture.mask), ROWS):
+        half, inside = slice(rows.start // 2, -(-rows.stop // 2)), capture.mask[rows]
+        image[half], mask[half] = means_inside(capture.image[rows].astype(np.float32, copy=False), inside, 1)
+        found = np.concatenate([estimate.vectors[rows], estimate.confidence[rows][..., None]], axis=-1)
+        normals[half] = means_inside(found.astype(np.float32, copy=False), inside, 1)[0]
+        clipped[half] = means_inside(capture.saturated_in(rows).astype(np.float32), inside, 1)[0] > 0
+        if depth is not None and capture.depth is not None:
+            known = np.where(inside, capture.depth[rows], np.float32(0))[..., None]
+            depth[half] = means_inside(known, inside, 1)[0][..., 0]
+    if camera is not None:
+        camera = camera.cropped(0, 0, camera.width, camera.height, 2)
+    small = Capture(image, mask, capture.rig, camera, depth=depth, clipped=clipped)
+    return small, NormalMap(normals[..., :3], mask, normals[..., 3], in_place=True)
 
 
 def add_upsampled_changes(estimate: NormalMap, half: NormalMap, turn: Floats, trust: Floats) -> None:
@@ -287,7 +308,7 @@ def _refine_normals(
     """
     well_fitted = albedo is not None and albedo.spread <= MIN_SPREAD
     if not well_fitted and np.count_nonzero(capture.mask) > 4 * MIN_OBJECT:
-        small, before = halved_capture(capture), halved_normals(estimate)
+        small, before = halve(capture, estimate)
         found = find_uniform_albedo(*_sample(small, before, SAMPLED_HALVED))
         if albedo is None or (found is not None and found.spread < QUIETER * albedo.spread):
             vectors, confidence = before.vectors.copy(), before.confidence.copy()
