@@ -1,6 +1,7 @@
 """Try It, Before / After and Relight, with the mouse; what the guided tour shows is photographed on the way."""
 
 import os
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -42,12 +43,17 @@ def sweep(window: Window, right: int, top: int) -> None:
 
 def test_try_it_ends_in_before_and_after_and_then_in_relight(unfolded, album):
     window = unfolded
-    button = window.find("mps.try_it")
-    with window.film(album / "try_it.webp"):
-        window.click(*button)
-        window.wait(lambda state: "MPS White Lamp" in state["objects"], "result of Try It")
-        done = window.wait(lambda state: not state["running"], "end of Try It")
-        window.input("sleep", "2")
+    with window.larger():
+        button = window.find("mps.try_it")
+        with window.film(album / "try_it.webp") as hold:
+            window.click(*button)
+            for name in ("MPS Photo", "MPS Normals"):
+                window.wait(lambda state, name=name: name in state["images"], name)
+                hold()
+            window.wait(lambda state: "MPS White Lamp" in state["objects"], "result of Try It")
+            done = window.wait(lambda state: not state["running"], "end of Try It")
+            window.wait_for_shaders()
+            hold()
     assert {"MPS Photo", "MPS Normals", "MPS Demo Low Poly"} <= set(done["images"])
     assert not any(done["errors"].values())
 
@@ -76,8 +82,8 @@ def test_try_it_ends_in_before_and_after_and_then_in_relight(unfolded, album):
     assert changed(1.5) < 500
     window.photograph(album / "tour_try_it.png", beside=EDITORS)
     if os.environ.get("MPSNET_SCREENSHOTS"):
-        with window.film(album / "before_after.webp"):
-            sweep(window, right, top)
+        with window.larger(), window.film(album / "before_after.webp"):
+            sweep(window, *window.state["sidebar"][:2])
     # A divider that is dragged to the right uncovers the plain mesh, which has no colours.
     colourful = np.ptp(lit[1], axis=-1).mean()
     window.input("mousemove", right - 200, top + 550, "mousedown", 1, "sleep", "0.3")
@@ -101,18 +107,38 @@ def test_try_it_ends_in_before_and_after_and_then_in_relight(unfolded, album):
     window.see(lambda: changed(1), lambda pixels: pixels < 500, "still picture")
 
 
+STATUE = """
+import runpy
+made = runpy.run_path({script!r})
+made["photographed"]({photo!r}, 512)
+made["statue"].hide_set(True)
+bpy.context.scene.mps.bake.target = bpy.context.view_layer.objects.active = made["plain"]
+bpy.ops.object.select_all(action="DESELECT")
+"""
+VIEW = """
+from mathutils import Euler
+area = next(area for area in bpy.context.screen.areas if area.type == "VIEW_3D")
+view, shading = area.spaces.active.region_3d, area.spaces.active.shading
+view.view_location, view.view_distance, view.view_rotation = {}, {}, Euler({}).to_quaternion()
+shading.type = {!r}
+"""
+
+
+def photographed(window: Window, folder: Path) -> None:
+    """The statue's plain mesh, the bake's target, and the rig that has taken the statue's photo."""
+    script = Path(__file__).with_name("scripts") / "statue.py"
+    window.ask("run", STATUE.format(script=str(script), photo=str(folder / "photo.exr")))
+
+
 @for_the_docs
-def test_the_demo_is_displaced_and_a_material_is_made(unfolded, album, tmp_path):
+def test_a_statue_is_displaced_and_a_material_is_made(unfolded, album, tmp_path):
     window = unfolded
-    window.ask("run", "bpy.ops.mps.try_it(size=1024)")
-    window.input("mousemove", 300, 400, "sleep", "2", "key", "Escape", "sleep", "2")  # ends Before / After
-    work(window, "displace", method="MODIFIER", levels=3, output=str(tmp_path / "height.exr"))
-    work(window, "integrate", curvature=True, output=str(tmp_path / "view.exr"))
-    window.ask(
-        "run",
-        "surface = bpy.data.objects['MPS Surface']\nsurface.hide_set(True)\nsurface.hide_render = True\n"
-        "bpy.ops.object.select_all(action='DESELECT')",
-    )
+    photographed(window, tmp_path)
+    work(window, "estimate")
+    work(window, "bake", size=1024, output=str(tmp_path / "statue.png"))
+    work(window, "displace", method="MODIFIER", output=str(tmp_path / "height.exr"))
+    work(window, "integrate", mesh=False, curvature=True, output=str(tmp_path / "view.exr"))
+    window.ask("run", VIEW.format((0.8, 0, 0), 5, (1.3, 0, 0.2), "SOLID"))
     window.photograph(album / "tour_height.png", "MPS_PT_heights", "MPS_PT_displace")
     window.ask(
         "run",
@@ -124,19 +150,15 @@ def test_the_demo_is_displaced_and_a_material_is_made(unfolded, album, tmp_path)
         "modifier.texture, modifier.strength = texture, 0.04\n"
         "bpy.ops.mps.new_rig(); bpy.ops.mps.add_rig(view='TOP')\n"
         "mps.rig.camera.data.ortho_scale = 1.8\n"
-        "bpy.data.objects['Demo Low Poly'].hide_render = True",
+        "for name in ('statue', 'Carved'): bpy.data.objects[name].hide_render = True",
     )
     work(window, "render_photo", width=512, height=512, samples=8, output=str(tmp_path / "plaster.exr"))
     work(window, "make_material", repeats=3, output=str(tmp_path / "plaster"))
     window.ask(
         "run",
-        "import math, mathutils\nscene = bpy.context.scene\n"
-        "for obj in bpy.context.view_layer.objects: obj.hide_set(obj != scene.mps.material.plane)\n"
-        "area = next(area for area in bpy.context.screen.areas if area.type == 'VIEW_3D')\n"
-        "area.spaces.active.shading.type = 'MATERIAL'\n"
-        "view = area.spaces.active.region_3d\n"
-        "view.view_location, view.view_distance = scene.mps.material.plane.location, 7\n"
-        "view.view_rotation = mathutils.Euler((math.radians(45), 0, math.radians(20))).to_quaternion()",
+        "plane = bpy.context.scene.mps.material.plane\n"
+        "for obj in bpy.context.view_layer.objects: obj.hide_set(obj != plane)\n"
+        + VIEW.format("plane.location", 7, (0.79, 0, 0.35), "MATERIAL"),
     )
     window.input("sleep", "6")
     window.photograph(album / "tour_material.png", "MPS_PT_material")
@@ -144,16 +166,13 @@ def test_the_demo_is_displaced_and_a_material_is_made(unfolded, album, tmp_path)
 
 
 @for_the_docs
-def test_the_demo_is_baked_from_all_around(unfolded, album, tmp_path):
+def test_a_statue_is_baked_from_all_around(unfolded, album, tmp_path):
     window = unfolded
-    window.ask("run", "bpy.ops.mps.try_it(size=512)")
-    window.input("mousemove", 300, 400, "sleep", "2", "key", "Escape", "sleep", "2")  # ends Before / After
+    photographed(window, tmp_path)
     window.ask(
         "run",
         "import math, mathutils\nscene = bpy.context.scene\nrig = scene.mps.rig\n"
         "front = rig.target.matrix_world.copy()\n"
-        "detailed, low = bpy.data.objects['Demo Detailed'], bpy.data.objects['Demo Low Poly']\n"
-        "detailed.hide_render, low.hide_render = False, True\n"
         "for number in range(4):\n"
         "    rig.target.matrix_world = mathutils.Matrix.Rotation(math.pi / 2 * number, 4, 'Z') @ front\n"
         "    bpy.context.view_layer.update()\n"
@@ -169,11 +188,8 @@ def test_the_demo_is_baked_from_all_around(unfolded, album, tmp_path):
     work(window, "bake_views")
     window.ask(
         "run",
-        "area = next(area for area in bpy.context.screen.areas if area.type == 'VIEW_3D')\n"
-        "shading = area.spaces.active.shading\n"
-        "shading.type, shading.use_scene_lights, shading.use_scene_world = 'MATERIAL', True, False\n"
-        "shading.studiolight_intensity = 0.2\n"
-        "area.spaces.active.region_3d.view_distance = 9",
+        VIEW.format((0.8, 0, 0), 9, (1.2, 0, 0.5), "MATERIAL")
+        + "shading.use_scene_lights, shading.use_scene_world, shading.studiolight_intensity = True, False, 0.2",
     )
     window.input("sleep", "6")
     window.photograph(album / "panel_views.png", "MPS_PT_views")
