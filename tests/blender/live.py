@@ -3,10 +3,8 @@
 import json
 import os
 import subprocess
-import threading
 import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -19,9 +17,6 @@ BELOW = 905  # and below it
 STEP = 8  # pixels; a button is about 20 high
 # How long to wait for what will come: a busy machine draws a window in software, and takes a minute for some frames.
 PATIENCE = 300  # seconds
-FILM = 44  # frames of a film, at most
-LARGER = "view = bpy.context.preferences.view\nview.ui_scale, view.show_tooltips = {}, {}"
-POINTER = ((0, 0), (0, 20), (5, 15), (9, 24), (13, 22), (9, 14), (16, 14))
 IN_GERMAN = """
 view = bpy.context.preferences.view
 view.language, view.use_translate_interface, view.use_translate_tooltips = "de_DE", True, True
@@ -105,12 +100,6 @@ class Window:
             time.sleep(0.5)
         return seen
 
-    def wait_for_shaders(self) -> None:
-        """Until what is in the middle of the viewport is drawn."""
-        left, top, _, height = self.state["sidebar"]
-        rows, columns = (slice(size // 3, size * 2 // 3) for size in (height, left))
-        self.see(lambda: self.screenshot()[top:][rows, columns].std(), lambda spread: spread > 0.1, "object")
-
     def photograph(self, path: Path, *panels: str, beside: int = EDITORS) -> None:
         """The viewport beside these panels alone, or beside the sidebar as it is, for a person to look at.
 
@@ -124,68 +113,6 @@ class Window:
         self.input("mousemove", 300, 880, "sleep", "3" if panels else "1")
         left = max(self.state["sidebar"][0] - beside, 0)
         save(path, self.screenshot()[24:BELOW, left:EDITORS])
-
-    @contextmanager
-    def larger(self) -> Iterator[None]:
-        """Text that can be read in a film, which is smaller than the screen, and no tooltips."""
-        self.ask("run", LARGER.format(1.3, False))
-        self.input("mousemove", 300, 880, "sleep", "1")
-        yield
-        self.ask("run", LARGER.format(1, True))
-        self.input("sleep", "1")
-
-    @contextmanager
-    def film(self, path: Path, width: int = 1000) -> Iterator[Callable[[], None]]:
-        """An animated WebP of viewport and sidebar as long as the context lasts, without times when nothing changes.
-
-        Only where MPSNET_SCREENSHOTS says where it goes. It needs Pillow.
-        Yields what to call while something is to be looked at, which is then shown longer.
-        """
-        if not os.environ.get("MPSNET_SCREENSHOTS"):
-            yield lambda: None
-            return
-        frames, changes, ended = [], [], threading.Event()
-        times = {}  # of a frame by its identity, in milliseconds
-
-        def hold() -> None:
-            time.sleep(2)
-            changes[-1], times[id(frames[-1])] = EDITORS * BELOW, 1000
-
-        def record() -> None:
-            while not ended.is_set():
-                frame = self._filmed(width)
-                changed = np.abs(np.subtract(frame, frames[-1], dtype=np.int16)) if frames else np.array(frame)
-                if (count := np.count_nonzero(changed.max(axis=-1) > 12)) > 60:
-                    frames.append(frame)
-                    changes.append(count)
-                ended.wait(0.2)
-
-        recorder = threading.Thread(target=record)
-        recorder.start()
-        try:
-            yield hold
-        finally:
-            ended.set()
-            recorder.join()
-        while len(frames) > FILM:
-            least = 1 + int(np.argmin(changes[1:-1]))
-            changes[least + 1] += changes.pop(least)
-            frames.pop(least)
-        shown = [*(times.get(id(frame), 130) for frame in frames[:-1]), 2000]
-        frames[0].save(path, save_all=True, append_images=frames[1:], duration=shown, loop=0, quality=60, method=6)
-
-    def _filmed(self, width: int) -> Any:
-        """Pillow's image of viewport and sidebar, with the mouse pointer, which the screen's own picture has not."""
-        from PIL import Image, ImageDraw
-
-        file = self.file.with_name("frame.bmp")
-        look = ["sh", "-c", f"import -window root '{file}' && xdotool getmouselocation"]
-        told = subprocess.run([*self.screen, *look], check=True, capture_output=True, text=True).stdout
-        x, y = (int(word[2:]) for word in told.split()[:2])
-        with Image.open(file) as picture:
-            shown = picture.convert("RGB")
-        ImageDraw.Draw(shown).polygon([(x + right, y + down) for right, down in POINTER], "white", "black")
-        return shown.crop((0, 24, EDITORS, BELOW)).resize((width, width * (BELOW - 24) // EDITORS))
 
 
 def drawn(picture: np.ndarray) -> np.ndarray:

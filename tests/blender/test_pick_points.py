@@ -1,10 +1,6 @@
 """Pick Points in a real window: photo and mesh side by side, clicked with the mouse."""
 
 import json
-import os
-import shutil
-from itertools import product
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -30,11 +26,12 @@ found = {"areas": sorted(area.type for area in window.screen.areas), "points": [
 for area in window.screen.areas:
     region = next(region for region in area.regions if region.type == "WINDOW")
     if area.type == "VIEW_3D":
-        for point in POINTS:
-            place = location_3d_to_region_2d(region, area.spaces.active.region_3d, point)
-            found["points"].append([point, on_screen(region, place)])
+        for vertex in bpy.data.meshes["Cube"].vertices:
+            corner = vertex.co * 0.98
+            place = location_3d_to_region_2d(region, area.spaces.active.region_3d, corner)
+            found["points"].append([list(corner), on_screen(region, place)])
     if area.type == "IMAGE_EDITOR":
-        for u, v in PLACES:
+        for u, v in [(0.2, 0.2), (0.8, 0.2), (0.8, 0.8), (0.2, 0.8), (0.5, 0.5)]:
             found["pixels"].append([[u * 400, (1 - v) * 300], on_screen(region, region.view2d.view_to_region(u, v))])
 photo = bpy.context.scene.mps.photo.image
 found["pairs"] = [[list(pair.pixel), list(pair.point), pair.residual] for pair in photo.mps.pairs]
@@ -43,25 +40,15 @@ with open(PATH, "w") as file:
 """
 
 
-CORNERS = list(product((-0.98, 0.98), repeat=3))
-PLACES = (0.2, 0.2), (0.8, 0.2), (0.8, 0.8), (0.2, 0.8), (0.5, 0.5)
-
-
-def told(window, folder, points=CORNERS, places=PLACES):
-    """How things stand, by TELL. points: (x, y, z) in the scene. places: (u, v) in the photo."""
-    path = folder / "stands.json"
-    tell = TELL.replace("PATH", repr(str(path))).replace("POINTS", repr(points)).replace("PLACES", repr(places))
-    window.ask("run", tell)
-    return json.loads(path.read_text(encoding="utf-8"))
-
-
 @pytest.fixture
 def picking(window, tmp_path):
     """A window with the cube and a photo, where points are picked, and what says how things stand."""
     write_image(tmp_path / "photo.png", np.random.default_rng(0).uniform(0.1, 0.4, (*SIZE[::-1], 3)))
 
     def stands():
-        return told(window, tmp_path)
+        path = tmp_path / "stands.json"
+        window.ask("run", TELL.replace("PATH", repr(str(path))))
+        return json.loads(path.read_text(encoding="utf-8"))
 
     window.ask("run", READY)
     window.ask("photo", str(tmp_path / "photo.png"))
@@ -159,66 +146,3 @@ def test_an_editor_that_is_there_shows_the_photo_meanwhile_and_another_file_ends
     window.wait(lambda state: state["sidebar"] and "photo" not in state["images"], "another file")
     window.input("mousemove", 300, 400, "click", 1, "sleep", "1", "mousemove", 310, 410)
     assert shown() == "none"
-
-
-# The statue alone with its photo, and where the photo shows some places of it that anyone finds again.
-STATUE = """
-import json, runpy
-from bpy_extras.object_utils import world_to_camera_view
-from mathutils import Euler, Vector
-made = runpy.run_path({script!r})
-camera, plain, scene = made["photographed"]({photo!r}, 640), made["plain"], bpy.context.scene
-scene.render.resolution_x = scene.render.resolution_y
-found = []
-for near in (-0.35, -0.9, 0.24), (0, -0.8, -0.75), (-1.2, 0, 0.45), (0, -0.6, 0.75), (0, -1, -0.1), (0.35, -0.9, 0.24):
-    vertex = min(plain.data.vertices, key=lambda vertex: (vertex.co - Vector(near)).length)
-    point = plain.matrix_world @ vertex.co
-    found.append([list(world_to_camera_view(scene, camera, point)[:2]), list(point)])
-json.dump(found, open({places!r}, "w"))
-bpy.ops.mps.remove_rig()
-bpy.data.batch_remove([made["statue"], bpy.data.images["MPS Photo"]])
-bpy.context.scene.mps.bake.target = plain
-view = next(area for area in bpy.data.screens["Layout"].areas if area.type == "VIEW_3D").spaces.active.region_3d
-view.view_rotation = Euler((1.26, 0, -0.3)).to_quaternion()
-view.view_location, view.view_distance = (1.6, -0.5, 0), 5.5  # the sidebar hides the right half of the viewport's half
-"""
-
-
-@pytest.mark.skipif(not os.environ.get("MPSNET_SCREENSHOTS"), reason="films for the docs")
-def test_the_film_of_pick_points(unfolded, album, tmp_path):
-    window, script = unfolded, Path(__file__).with_name("scripts") / "statue.py"
-    made = {"photo": str(tmp_path / "rendered.exr"), "places": str(tmp_path / "places.json")}
-    window.ask("run", STATUE.format(script=str(script), **made))
-    shutil.copy(tmp_path / "rendered.exr", tmp_path / "photo.exr")
-    places, points = zip(*json.loads((tmp_path / "places.json").read_text(encoding="utf-8")), strict=True)
-    window.ask("photo", str(tmp_path / "photo.exr"))
-    window.ask("alone", "MPS_PT_photo", "MPS_PT_align")
-    with window.larger():
-        button = window.find("mps.pick_points")
-        with window.film(album / "pick_points.webp") as hold:
-            window.click(*button)
-            window.input("mousemove", 300, 400, "sleep", "2")
-            found = told(window, tmp_path, points, places)
-            pixels, corners = ([place for _, place in found[name]] for name in ("pixels", "points"))
-            wrong = [pixels[4][0] + 40, pixels[4][1] + 25]
-            for pixel, corner in zip([*pixels[:4], wrong, pixels[5]], corners, strict=True):
-                click(window, pixel)
-                window.input("sleep", "0.5")
-                click(window, corner)
-                window.input("sleep", "0.5")
-            window.input("mousemove", 300, 800)
-            window.see(
-                lambda: [residual for *_, residual in told(window, tmp_path)["pairs"]],
-                lambda residuals: -1 not in residuals and max(residuals) > 5,
-                "alignment",
-            )
-            hold()
-            window.input("mousemove", *map(round, wrong), "sleep", "0.5", "mousedown", 1, "sleep", "0.5")
-            window.input("mousemove", *map(round, pixels[4]), "sleep", "0.5", "mouseup", 1, "mousemove", 300, 800)
-            window.see(
-                lambda: [residual for *_, residual in told(window, tmp_path)["pairs"]],
-                lambda residuals: -1 not in residuals and max(residuals) < 5,
-                "alignment",
-            )
-            hold()
-    window.input("key", "Escape", "sleep", "1")

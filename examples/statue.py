@@ -45,7 +45,7 @@ def photographed(path, size):
 
 
 bpy.data.batch_remove(bpy.data.objects)
-plain, statue = monkey("statue", 2), monkey("Carved", 5)
-carve(statue.data)
-statue.data.materials.append(painted())
+plain, carved = monkey("statue", 2), monkey("Carved", 5)
+carve(carved.data)
+carved.data.materials.append(painted())
 plain.hide_render = True
