@@ -32,7 +32,7 @@ OUTPUT.mkdir(parents=True, exist_ok=True)
 os.environ["MPSNET_SCREENSHOTS"] = str(OUTPUT)
 
 WIDTH, FRAMES = 1000, 44  # of a film, at most
-SHOWN, HELD, LAST = 130, 1000, 2000  # for how long, in milliseconds
+LENGTH, SHOWN, HELD, LAST = 12000, 220, 1000, 1500  # of a film, and of its frames at most, in milliseconds
 POINTER = ((0, 0), (0, 20), (5, 15), (9, 24), (13, 22), (9, 14), (16, 14))
 # Text that can be read in a film, which is smaller than the screen.
 LARGER = "view = bpy.context.preferences.view\nview.ui_scale, view.show_tooltips = 1.3, False"
@@ -77,7 +77,8 @@ def film(window: Window, name: str) -> Iterator[Callable[[], None]]:
         least = 1 + int(np.argmin(changes[1:-1]))
         changes[least + 1] += changes.pop(least)
         frames.pop(least)
-    shown = [*(times.get(id(frame), SHOWN) for frame in frames[:-1]), LAST]
+    each = min(SHOWN, (LENGTH - sum(times.values()) - LAST) // len(frames))
+    shown = [*(times.get(id(frame), each) for frame in frames[:-1]), LAST]
     path = OUTPUT / f"{name}.webp"
     frames[0].save(path, save_all=True, append_images=frames[1:], duration=shown, loop=0, quality=60, method=6)
 
