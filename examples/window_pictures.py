@@ -95,11 +95,17 @@ def with_pointer(window: Window) -> Image.Image:
     return shown.crop((0, 24, EDITORS, BELOW)).resize((WIDTH, WIDTH * (BELOW - 24) // EDITORS))
 
 
-def wait_for_shaders(window: Window) -> None:
-    """Until what is in the middle of the viewport is drawn."""
+def wait_for_shaders(window: Window, painted: bool = True) -> None:
+    """Until what is in the middle of the viewport is drawn: at first it is missing, and then grey."""
     left, top, _, height = window.state["sidebar"]
     rows, columns = (slice(size // 3, size * 2 // 3) for size in (height, left))
-    window.see(lambda: window.screenshot()[top:][rows, columns].std(), lambda spread: spread > 0.1, "object")
+
+    def shown() -> float:
+        middle = window.screenshot()[top:][rows, columns]
+        return float(np.ptp(middle, axis=-1).mean() if painted else middle.std())
+
+    window.see(shown, lambda value: value > 0.08, "object")
+    window.input("sleep", "10")
 
 
 def statue(window: Window, folder: Path, then: str, size: int = 640) -> None:
@@ -167,7 +173,7 @@ def test_scan(unfolded, tmp_path):  # noqa: F811
             hold()
         window.wait(lambda state: "MPS White Lamp" in state["objects"], "end of the scan")
         wait_for_shaders(window)
-        window.input("sleep", "8")
+        window.input("sleep", "20")  # while the lamp swings
 
 
 # The statue alone with its photo, and where the photo shows some places of it that anyone finds again.
@@ -316,7 +322,7 @@ def test_material(unfolded, tmp_path):  # noqa: F811
     work(window, "render_photo", width=512, height=512, samples=8, output=str(tmp_path / "plaster.exr"))
     work(window, "make_material", repeats=3, output=str(tmp_path / "plaster"))
     window.ask("run", PLANE + VIEW.format("plane.location", 7, (0.79, 0, 0.35), "MATERIAL"))
-    wait_for_shaders(window)
+    wait_for_shaders(window, painted=False)
     window.photograph(OUTPUT / "tour_material.webp", "MPS_PT_material")
     assert not any(window.state["errors"].values())
 
@@ -346,7 +352,7 @@ def test_many_views(unfolded, tmp_path):  # noqa: F811
     window.ask("set", "bake", {"size": 1024, "output": str(tmp_path / "around.png")})
     work(window, "bake_views")
     window.ask("run", VIEW.format((0.8, 0, 0), 9, (1.2, 0, 0.5), "MATERIAL") + DIM)
-    wait_for_shaders(window)
+    wait_for_shaders(window, painted=False)
     window.photograph(OUTPUT / "panel_views.webp", "MPS_PT_views")
     assert (tmp_path / "around_report.html").is_file()
     assert not any(window.state["errors"].values())
