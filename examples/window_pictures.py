@@ -334,6 +334,7 @@ AROUND = """
 import math, mathutils
 scene, rig = bpy.context.scene, bpy.context.scene.mps.rig
 front = rig.target.matrix_world.copy()
+carved.data.materials.clear()  # its paint asks for white photos
 for number in range(4):
     rig.target.matrix_world = mathutils.Matrix.Rotation(math.pi / 2 * number, 4, "Z") @ front
     bpy.context.view_layer.update()
