@@ -296,7 +296,9 @@ def test_heights(unfolded, tmp_path):  # noqa: F811
     statue(window, tmp_path, TARGETED, 512)
     work(window, "estimate")
     work(window, "bake", size=1024, output=str(tmp_path / "statue.png"))
-    work(window, "displace", method="MODIFIER", levels=2, scale=0.1, output=str(tmp_path / "height.exr"))
+    work(
+        window, "displace", method="MODIFIER", automatic=False, levels=2, scale=0.1, output=str(tmp_path / "height.exr")
+    )
     work(window, "integrate", mesh=False, curvature=True, output=str(tmp_path / "view.exr"))
     window.ask("run", VIEW.format((0.8, 0, 0), 4.5, (1.3, 0, 0.2), "SOLID") + NO_RIG)
     window.photograph(OUTPUT / "tour_height.webp", "MPS_PT_heights", "MPS_PT_displace")
