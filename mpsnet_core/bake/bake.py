@@ -219,16 +219,7 @@ class _Bake:
     def texture(self, texture_set: TextureSet, progress: Progress) -> Texture | None:
         """The texture set's texture, without padding, or None if no texel lies on its UVs."""
         (width, height), samples = width_and_height(self.baking.size), self.baking.samples
-        fine_size = width * samples, height * samples
-        surfaces, seen = [], []
-        for mesh, triangles, seen_of in zip(self.meshes, texture_set.parts, self.seen, strict=True):
-            if triangles is None or len(triangles):
-                surfaces.append(TexelSampler(mesh, triangles, texture_set.corner, self.middle, fine_size))
-                seen.append(seen_of if triangles is None else seen_of[triangles])
-        # Where UVs overlap (mirrored halves), a triangle that a view sees wins: it is rasterised last.
-        order = np.argsort(np.concatenate(seen), kind="stable")
-        corners = np.concatenate([surface.corners for surface in surfaces])
-        under = _RasterisedSurfaces(surfaces, order, Raster(corners[order], fine_size))
+        under = self._rasterised(texture_set, (width * samples, height * samples))
         coloured = self.projectors.values > 4
         texture = _blank((height, width), self.baking.space, colours=coloured)
         island_of = self._islands(texture_set)
@@ -244,7 +235,7 @@ class _Bake:
             fine = slice(rows.start * samples, rows.stop * samples)
             points = texture
             if samples > 1:
-                points = _blank((fine.stop - fine.start, fine_size[0]), self.baking.space, colours=coloured)
+                points = _blank((fine.stop - fine.start, width * samples), self.baking.space, colours=coloured)
             self._sample(points, under, fine, step)
             if samples > 1:
                 averaged = _averaged(points, samples)
@@ -256,15 +247,14 @@ class _Bake:
                     fine_band = slice(band.start * samples, band.stop * samples)
                     laid = under.raster.rows(slice(fine.start + fine_band.start, fine.start + fine_band.stop))
                     shape = band.stop - band.start, samples, width, samples
-                    own = np.where(laid >= 0, island_of[order[laid]], np.int32(-1))
+                    own = np.where(laid >= 0, island_of[under.order[laid]], np.int32(-1))
                     place = slice(rows.start + band.start, rows.start + band.stop)
                     islands[place] = own.reshape(shape).max(axis=(1, 3))
                     known[place] = (points.seen[fine_band] | (laid < 0)).reshape(shape).all(axis=(1, 3))
             del points
         if not texture.covered.any():
             return None
-        inside = ((corners > -1) & (corners < fine_size)).all(axis=(1, 2))
-        if texel_areas(corners[inside]).sum() > 1.05 * texture.covered.sum() * samples**2:
+        if under.area > 1.05 * texture.covered.sum() * samples**2:
             _warn_of_overlapping_uvs(self.meshes, texture_set)
         if texture.colours is not None:
             fill_colours(texture.colours[..., :3], islands, texture.colours[..., 3] > 0, self._seams(texture_set))
@@ -278,6 +268,20 @@ class _Bake:
             lambda row, column: under.frames(row, column, samples),
             progress=part(progress, 0.6, 0.9),
         )
+
+    def _rasterised(self, texture_set: TextureSet, size: tuple[int, int]) -> "_RasterisedSurfaces":
+        """The texture set's triangles in a raster of this width and height."""
+        surfaces, seen = [], []
+        for mesh, triangles, seen_of in zip(self.meshes, texture_set.parts, self.seen, strict=True):
+            if triangles is None or len(triangles):
+                surfaces.append(TexelSampler(mesh, triangles, texture_set.corner, self.middle, size))
+                seen.append(seen_of if triangles is None else seen_of[triangles])
+        # Where UVs overlap (mirrored halves), a triangle that a view sees wins: it is rasterised last.
+        order = np.argsort(np.concatenate(seen), kind="stable")
+        corners = np.concatenate([surface.corners for surface in surfaces])
+        inside = ((corners > -1) & (corners < size)).all(axis=(1, 2))
+        area = float(texel_areas(corners[inside]).sum())
+        return _RasterisedSurfaces(surfaces, order, Raster(corners[order], size), area)
 
     def _seams(self, texture_set: TextureSet) -> SeamEdges:
         """The seams of the texture set's meshes in its unit square, with the islands' numbers of :meth:`_islands`."""
@@ -383,6 +387,8 @@ class _RasterisedSurfaces:
     """For each triangle of `raster`, its index among the concatenated triangles of all surfaces."""
     raster: Raster
     """Rasterised triangles of all surfaces, concatenated and sorted by `order`."""
+    area: float
+    """The triangles' area in the raster, in pixels; more than are covered where UVs overlap."""
 
     def patches(self, laid: I32) -> Iterator[tuple[TexelSampler, I64, I64]]:
         """Yield each surface with (N,) its triangles and (N,) the flat indices of the points above them.

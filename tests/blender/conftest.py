@@ -70,7 +70,7 @@ def extension_zip(tmp_path_factory: pytest.TempPathFactory) -> Path:
     blender = Blender(shlex.split(os.environ["MPSNET_BLENDER"]), tmp_path_factory.mktemp("user"))
     answer = blender.run("-b", "--python-expr", ask).stdout
     (python,) = (line.split()[1] for line in answer.splitlines() if line.startswith("python "))
-    command = [PROJECT / "blender_addon/build_extension.py", f"--python={python}", "--platform=linux-x64"]
+    command = [PROJECT / ".ci/build_extension.py", f"--python={python}", "--platform=linux-x64"]
     subprocess.run([sys.executable, *command, f"--output={folder}"], check=True)
     (built,) = folder.glob("*.zip")
     return built

@@ -12,7 +12,7 @@ import pytest
 
 pytest.importorskip("bpy")
 
-from blender_addon.build_extension import (
+from build_extension import (
     ADDON,
     PROJECT,
     Target,

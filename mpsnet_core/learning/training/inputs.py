@@ -7,6 +7,7 @@ import torch
 from torch import Tensor
 from torch.nn import functional
 
+from mpsnet_core.arrays.types import I64
 from mpsnet_core.estimate.features import CONSTANTS
 from mpsnet_core.learning.training.networks import Network, Prediction
 from mpsnet_core.learning.training.networks.network import unit
@@ -39,7 +40,10 @@ def inputs_with_previous_scale(network: Network, scales: Sequence[Scale]) -> lis
         stacks = network.inputs.values()
         inputs.append(tuple(torch.cat([feature_tensor(name, maps) for name in names], dim=1) for names in stacks))
         if finer is not None:
-            previous = _enlarged(network(*inputs[-1]), scale, finer)
+            window_of = {int(example): number for number, example in enumerate(scale.examples)}
+            continued = [window_of[int(example)] for example in finer.examples]
+            prediction = network(*(values[continued] for values in inputs[-1]))
+            previous = _enlarged(prediction, maps["mask"][continued], finer.places)
     return inputs
 
 
@@ -63,17 +67,16 @@ def concatenate_scales(scales: Sequence[Scale], inputs: Sequence[tuple[Tensor, .
     )
 
 
-def _enlarged(prediction: Prediction, scale: Scale, finer: Scale) -> Tensor:
-    """(M, 4, H, W) normals and expected error in the finer scale's windows, upsampled to twice the resolution."""
+def _enlarged(prediction: Prediction, mask: Tensor, places: I64) -> Tensor:
+    """(M, 4, H, W) normals and expected error in the finer scale's windows, upsampled to twice the resolution.
+
+    mask: (M, 1, H, W) the windows'. places: (M, 2) corners of the finer windows in them, see :class:`Scale`.
+    """
     assert prediction.expected_error is not None
-    side = scale.weights.shape[-1] // 2
-    window_of = {int(example): number for number, example in enumerate(scale.examples)}
-    output = torch.cat([prediction.normals, prediction.expected_error, scale.maps["mask"]], dim=1).float()
+    side = mask.shape[-1] // 2
+    output = torch.cat([prediction.normals, prediction.expected_error, mask], dim=1).float()
     output[:, :4] *= output[:, 4:]
-    parts = [
-        output[window_of[int(example)], :, top : top + side, left : left + side]
-        for example, (top, left) in zip(finer.examples, finer.places, strict=True)
-    ]
+    parts = [one[:, top : top + side, left : left + side] for one, (top, left) in zip(output, places, strict=True)]
     large = functional.interpolate(torch.stack(parts), scale_factor=2, mode="bilinear", align_corners=False)
     values = large[:, :4] / large[:, 4:].clamp(min=1e-3)
     return torch.cat([unit(values[:, :3]), values[:, 3:]], dim=1)

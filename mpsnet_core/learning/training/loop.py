@@ -309,8 +309,7 @@ class _Run:
                 if isinstance(layer, nn.BatchNorm2d):
                     layer.eval()
         with autocast:
-            # Convolutions with few channels are faster in this memory layout.
-            prediction = self.network(*(one.contiguous(memory_format=torch.channels_last) for one in batch.inputs))
+            prediction = self.network(*batch.inputs)
         loss = loss_of(prediction, batch.truth, batch.weights, recipe.error_weight, recipe.gradient_weight, batch.lit)
         torch.autograd.backward(loss.total)
         gradients = nn.utils.clip_grad_norm_(self.network.parameters(), 1.0)

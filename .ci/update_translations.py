@@ -1,6 +1,6 @@
 """Bring the translators' catalogs up to date with what the add-on shows.
 
-Run it by ``python -m blender_addon.update_translations``. Messages that are new get an empty translation, those that
+Run it by ``python .ci/update_translations.py``. Messages that are new get an empty translation, those that
 are gone move to the end of the file. ``--check`` writes nothing and only says what is missing; the build of the
 extension does that.
 """
@@ -33,7 +33,7 @@ from mpsnet_core.io.image import CHANNELS
 from mpsnet_core.scene.normal_directions import WORDS
 from mpsnet_core.scene.rig_check import TURN_WORDS
 
-HERE = Path(__file__).parent
+ADDON = Path(blender_addon.__file__).parent
 CORE = Path(mpsnet_core.__file__).parent
 # The rooms of the core whose notes the panel shows.
 _ROOMS = ("arrays", "bake", "calibrate", "capture", "estimate", "io", "relief", "scene")
@@ -89,7 +89,7 @@ def said(file: Path) -> Iterator[str]:
 
     What the core logs becomes notes.
     """
-    tree, own = ast.parse(file.read_text(encoding="utf-8")), HERE in file.parents
+    tree, own = ast.parse(file.read_text(encoding="utf-8")), ADDON in file.parents
     assigned = [one for one in ast.walk(tree) if isinstance(one, ast.Assign | ast.AugAssign)]
 
     def texts(words: ast.expr) -> list[str]:
@@ -136,11 +136,9 @@ def said(file: Path) -> Iterator[str]:
 def template() -> Catalog:
     """Every message that the add-on shows as it stands."""
     found = {*described(), *_IN_VARIABLES}
-    for file in (*HERE.glob("panels/*.py"), HERE / "preferences.py"):
+    for file in (*ADDON.glob("panels/*.py"), ADDON / "preferences.py"):
         found |= set(drawn(file))
-    # What is not for the command line.
-    elsewhere = {"build_extension", "commands", "update_translations"}
-    own = [file for file in HERE.rglob("*.py") if file.stem not in elsewhere]
+    own = [file for file in ADDON.rglob("*.py") if file.stem != "commands"]  # those are for the command line
     for file in (*own, *(file for room in _ROOMS for file in (CORE / room).rglob("*.py"))):
         found |= set(said(file))
     catalog = Catalog()

@@ -1,6 +1,6 @@
 """Build the extension's zips, one for each platform and Python, and the index of a repository of them.
 
-    python blender_addon/build_extension.py [--python 3.11 3.13] [--platform linux-x64 windows-x64 macos-arm64]
+    python .ci/build_extension.py [--python 3.11 3.13] [--platform linux-x64 windows-x64 macos-arm64]
 
 A zip has all dependencies except Python and NumPy, which are Blender's own. Each wheel is the unmodified one from PyPI,
 so its RECORD is valid; only the project's own wheel is built here. Videos need no library: Blender decodes them.
@@ -29,8 +29,8 @@ from packaging.utils import canonicalize_name, parse_wheel_filename
 
 from mpsnet_core import __version__
 
-ADDON = Path(__file__).resolve().parent
-PROJECT = ADDON.parent
+PROJECT = Path(__file__).resolve().parent.parent
+ADDON = PROJECT / "blender_addon"
 CORE = PROJECT / "mpsnet_core"
 WORK = PROJECT / "build" / "extension"
 
@@ -237,7 +237,7 @@ def compile_catalogs(source: Path) -> None:
 
 def warn_of_missing_translations() -> None:
     """Say what the catalogs lack, if bpy is there to look. That is a warning: what they lack stays English."""
-    check = [sys.executable, "-m", "blender_addon.update_translations", "--check"]
+    check = [sys.executable, ".ci/update_translations.py", "--check"]
     if importlib.util.find_spec("bpy") is not None and subprocess.run(check, cwd=PROJECT).returncode:
         print("the translations could not be checked; see above")
 
