@@ -104,7 +104,7 @@ def wait_for_shaders(window: Window, painted: bool = True) -> None:
         middle = window.screenshot()[top:][rows, columns]
         return float(np.ptp(middle, axis=-1).mean() if painted else middle.std())
 
-    window.see(shown, lambda value: value > 0.08, "object")
+    window.see(shown, lambda value: value > (0.025 if painted else 0.08), "object")
     window.input("sleep", "10")
 
 
