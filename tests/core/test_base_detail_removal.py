@@ -1,6 +1,7 @@
 """A existing map's relief in a view is found, and taken out, where there is some; a sphere whose normals are known."""
 
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -30,13 +31,15 @@ def relief(u: np.ndarray, v: np.ndarray, height: float = 0.3) -> np.ndarray:
     return unit(np.stack([height * np.sin(150 * u), height * np.cos(120 * v), np.ones_like(u)], -1))
 
 
-def present(size: int = 1024, shown: str = "auto") -> BaseMap:
+@cache
+def present(size: int = 768, shown: str = "auto") -> BaseMap:
     v, u = np.mgrid[:size, :size] + 0.5
     return BaseMap(relief(u / size, 1 - v / size).astype(np.float32), shown)
 
 
+@cache
 def smooth_view() -> View:
-    return sphere_view(camera_looking((1, 0.2, 0.3), "perspective", size=400, target=(4, -2, 1), reach=1.3), POSE)
+    return sphere_view(camera_looking((1, 0.2, 0.3), "perspective", size=300, target=(4, -2, 1), reach=1.3), POSE)
 
 
 def worn(view: View, height: float = 0.3) -> np.ndarray:
@@ -152,7 +155,7 @@ def test_a_map_of_another_tile_is_taken_out_as_that_of_the_first() -> None:
 def test_relief_finer_than_the_photo_is_not_taken_for_shown() -> None:
     """Single texels of a map with far more of them than the photo has pixels."""
     rng = np.random.default_rng(0)
-    fine = np.concatenate([rng.normal(0, 0.5, (2048, 2048, 2)), np.ones((2048, 2048, 1))], axis=-1)
+    fine = np.concatenate([rng.normal(0, 0.5, (1536, 1536, 2)), np.ones((1536, 1536, 1))], axis=-1)
     view = smooth_view()
     vectors, _ = taken_out(view.normals.vectors, view, BaseMap(unit(fine).astype(np.float32), "yes"))
     assert degrees_between(vectors, view.normals.vectors)[inner(view)].mean() < 12  # single texels lean by 30 degrees

@@ -101,12 +101,13 @@ def test_lights_that_stand_near() -> None:
     middle = np.array([0.05, -0.02, -1.0])
     scene = Scene([(middle, 0.2)], [], (300, 300), 550)
     places = middle + 0.7 * FACING
-    starts, aims = scene.eye_rays(*scene.samples(3))
-    met, points, normals = scene.hits(starts, aims)
-    away = places - points[..., None, :]
-    distance = np.linalg.norm(away, axis=-1)
-    shading = np.clip(np.einsum("...ki,...i->...k", away, normals), 0, None) * 0.7**2 / distance**3
-    image = developed(scene.averaged(0.4 * shading @ MIXING.T * met[..., None], 3), 0.003, 65535)
+
+    def matt(points: np.ndarray, _aims: np.ndarray, normals: np.ndarray) -> np.ndarray:
+        away = places - points[:, None]
+        distance = np.linalg.norm(away, axis=-1)
+        return 0.4 * np.clip(np.einsum("nki,ni->nk", away, normals), 0, None) * 0.7**2 / distance**3 @ MIXING.T
+
+    image = developed(scene.drawn(0.0, matt), 0.003, 65535)
     camera = Camera("perspective", 300, 300, (550.0, 550.0))
     ball = find_balls(image, camera, radius=0.2, mirror=False)[0]
     found = mixing_from_ball(taken(image), ball, near_rig(places, middle))
@@ -151,14 +152,15 @@ def test_a_card_under_one_light_at_a_time(normal: Sequence[float]) -> None:
 
 def glossy_photograph(directions: np.ndarray, mixing: np.ndarray, rough: float) -> np.ndarray:
     """A grey ball that is not quite matt, over a pale table, in an 8-bit sRGB photo whose brightest parts clip."""
-    met, _, normals = SCENE.hits(*SCENE.eye_rays(*SCENE.samples(2)))
-    shading = []
-    for light in directions:
-        half = normalised(light + np.array([0, 0, 1]))
-        gloss = 0.25 * np.clip(normals @ half, 0, None) ** (2 / rough**4)
-        shading.append(np.clip(normals @ light, 0, 1) ** 0.92 + gloss * (normals @ light > 0))
-    table = 0.05 * np.clip(0.5 - 0.5 * normals[..., 1:2], 0, 1) * directions[:, 2]
-    image = SCENE.averaged((np.stack(shading, -1) + table) @ mixing.T * met[..., None], 2)
+
+    def glossy(_places: np.ndarray, _aims: np.ndarray, normals: np.ndarray) -> np.ndarray:
+        half = normalised(directions + np.array([0, 0, 1]))
+        facing = normals @ directions.T
+        gloss = 0.25 * np.clip(normals @ half.T, 0, None) ** (2 / rough**4)
+        table = 0.05 * np.clip(0.5 - 0.5 * normals[:, 1:2], 0, 1) * directions[:, 2]
+        return (np.clip(facing, 0, 1) ** 0.92 + gloss * (facing > 0) + table) @ mixing.T
+
+    image = SCENE.drawn(0.0, glossy, 2)
     image = image / np.percentile(image[image.sum(-1) > 0], 98)
     return srgb_to_linear(np.rint(linear_to_srgb(image) * 255) / 255).astype(np.float32)
 
