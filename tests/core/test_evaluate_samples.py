@@ -85,7 +85,7 @@ def test_errors_by_kind_of_pixel_add_up(samples: Path) -> None:
 
 def test_confidence_ranks_the_errors(tmp_path: Path) -> None:
     """On photographs with noise, crosstalk and errors of the rig, pooled, as a bake would weigh them."""
-    job = SampleJob("synthesis", count=8, seed=20_261_120, size=96)
+    job = SampleJob("synthesis", count=12, seed=20_261_120, size=96)
     for number in range(job.count):
         make_sample(job, number, tmp_path / f"sample_{number:06d}.exr")
     expected, errors = [], []
