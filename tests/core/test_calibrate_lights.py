@@ -70,10 +70,14 @@ def test_a_circle_in_the_balls_place_that_may_be_the_ball_is_reported(caplog: py
     assert "the ball may be the circle 120,100,80 or 110,108,55" in caplog.text
 
 
-@pytest.mark.parametrize("levels", [255, None])
-def test_a_ball_is_found_to_a_part_of_a_pixel_and_directions_afar(levels: int | None, caplog) -> None:
+@pytest.mark.parametrize(
+    "options",
+    [{"levels": 255}, {"levels": None}, {"white_lamp": (np.array(MIDDLE) + FAR * around(40, 20), 6e4, 0.8)}],
+    ids=["8 bits", "floats", "a white lamp in the mirror, which is no light"],
+)
+def test_a_ball_is_found_to_a_part_of_a_pixel_and_directions_afar(options: dict, caplog) -> None:
     scene = afar()
-    found = lights_of(photograph(scene, levels=levels), pixel_camera(*scene.size))
+    found = lights_of(photograph(scene, **options), pixel_camera(*scene.size))
     circle = found.sightings[0].ball.circle
     assert (circle.x, circle.y, circle.radius) == pytest.approx((220.3, 161.7, 97.4), abs=0.15)
     assert "as on a matt one" not in caplog.text
@@ -187,7 +191,6 @@ OVERLAPPING = [(30, 90), (30, 99), (25.5, 95)]
 @pytest.mark.parametrize(
     "angles, options",
     [
-        (ANGLES, {"brightness": 0.8}),
         (ANGLES, {"brightness": 2.0}),  # clipped, but for the crosstalk
         (ANGLES, {"brightness": 2.0, "fine": 1}),  # so sharp that no pixel at their rims is darker
         (ANGLES, {"brightness": 0.7, "colours": CROSSTALK * [1, 0.3, 0.15]}),  # red in the blue outshines blue
@@ -223,13 +226,6 @@ def test_clipping_that_the_photo_shows_by_itself() -> None:
     found = find_lights([Sighting(ball, find_coloured_highlights(told, ball))])
     assert degrees_between(found.directions, FACING).max() < 0.7
     assert all(spot.clipped for spot in found.sightings[0].highlights)
-
-
-def test_a_white_lamp_in_the_mirror_is_no_light() -> None:
-    scene = afar()
-    lamp = (np.array(MIDDLE) + FAR * around(40, 20), 6e4, 0.8)
-    found = lights_of(photograph(scene, white_lamp=lamp), pixel_camera(*scene.size))
-    assert degrees_between(found.directions, FACING).max() < 0.5
 
 
 def test_a_matt_ball_in_place_of_the_mirror_is_reported(caplog: pytest.LogCaptureFixture) -> None:

@@ -24,9 +24,9 @@ RIG = LightRig(FACING)
 # Crosstalk of 30%, and lights and channels of different strength.
 MIXING = CROSSTALK * np.array([1.0, 0.8, 0.6]) * np.array([[0.7], [1.0], [0.8]])
 MIXING = MIXING / MIXING.max()
-SCENE = Scene([((2.9, -4.1, 0.0), 73.0)], [], (200, 200))
-CAMERA = pixel_camera(200, 200)
-TRUE_CIRCLE = Circle(102.9, 104.1, 73.0)
+SCENE = Scene([((2.15, -3.1, 0.0), 55.0)], [], (150, 150))
+CAMERA = pixel_camera(150, 150)
+TRUE_CIRCLE = Circle(77.15, 78.1, 55.0)
 
 
 def drawn(circle: Circle = TRUE_CIRCLE) -> Ball:
@@ -36,9 +36,9 @@ def drawn(circle: Circle = TRUE_CIRCLE) -> Ball:
 @pytest.mark.parametrize(
     ("circle", "options"),
     [
-        (Circle(103.9, 103.3, 74.0), {"ambient": 0.05}),
-        (Circle(101.9, 104.9, 71.7), {"noise": 0.02}),
-        (Circle(101.9, 104.9, 71.7), {"levels": 255}),
+        (Circle(77.9, 77.5, 55.75), {"ambient": 0.05}),
+        (Circle(76.4, 78.7, 54.0), {"noise": 0.02}),
+        (Circle(76.4, 78.7, 54.0), {"levels": 255}),
     ],
 )
 def test_a_grey_ball_determines_the_matrix_though_its_circle_is_slightly_wrong(circle: Circle, options: dict) -> None:
@@ -51,16 +51,16 @@ def test_a_grey_ball_determines_the_matrix_though_its_circle_is_slightly_wrong(c
     assert found.ball is not None
     corrected = found.ball.circle
     near = 0.5 if "noise" in options else 0.2
-    assert (corrected.x, corrected.y, corrected.radius) == pytest.approx((102.9, 104.1, 73), abs=near)
+    assert (corrected.x, corrected.y, corrected.radius) == pytest.approx((77.15, 78.1, 55), abs=near)
 
 
 def test_a_ball_that_is_found_and_one_in_perspective() -> None:
     image = grey_photograph(SCENE, MIXING, FACING)
     found = mixing_from_ball(taken(image), find_balls(image, CAMERA, mirror=False)[0], RIG)
     assert np.abs(found.mixing - MIXING).max() < 0.01
-    scene = Scene([((0.1, -0.1, -1.0), 0.15)], [], (320, 240), 560)
+    scene = Scene([((0.1, -0.1, -1.0), 0.15)], [], (200, 150), 350)
     image = grey_photograph(scene, MIXING, FACING)
-    camera = Camera("perspective", 320, 240, (560.0, 560.0))
+    camera = Camera("perspective", 200, 150, (350.0, 350.0))
     found = mixing_from_ball(taken(image), find_balls(image, camera, mirror=False)[0], RIG)
     assert np.abs(found.mixing - MIXING).max() < 0.01
 
@@ -81,13 +81,11 @@ def test_gloss_stains_and_clipping_are_left_out() -> None:
     """A sharp highlight of each light on the matt ball, a dark stain, and an exposure that clips a part of it."""
     image = grey_photograph(SCENE, MIXING, FACING, albedo=0.75, noise=0, levels=None)
     x, y = SCENE.pixels()
-    across, up = x - 102.9, 104.1 - y
-    normal = np.stack([across, up, np.sqrt(np.clip(73**2 - across**2 - up**2, 0, None))], -1)
-    for light, direction in enumerate(FACING):
-        half = direction + np.array([0, 0, 1])
-        gloss = np.clip(normal @ (half / np.linalg.norm(half)) / 73, 0, None) ** 300
-        image = image + 0.6 * gloss[..., None] * MIXING[:, light]
-    image[np.hypot(x - 80, y - 127) < 9.3] *= 0.5
+    across, up = x - 77.15, 78.1 - y
+    normal = np.stack([across, up, np.sqrt(np.clip(55**2 - across**2 - up**2, 0, None))], -1)
+    gloss = np.clip(normal @ normalised(FACING + np.array([0, 0, 1])).T / 55, 0, None) ** 300
+    image = image + 0.6 * gloss @ MIXING.T
+    image[np.hypot(x - 60, y - 95) < 7] *= 0.5
     photo = developed(image * 1.1, 0.003, 4095)
     assert (photo >= 1).any(axis=-1).mean() > 0.03
     found = mixing_from_ball(taken(photo), drawn(), RIG)
@@ -98,7 +96,7 @@ def test_gloss_stains_and_clipping_are_left_out() -> None:
 def test_lights_that_stand_near() -> None:
     """Brightness falls with the square of the distance; the matrix holds at the target."""
     middle = np.array([0.05, -0.02, -1.0])
-    scene = Scene([(middle, 0.2)], [], (200, 200), 367)
+    scene = Scene([(middle, 0.2)], [], (150, 150), 275)
     places = middle + 0.7 * FACING
 
     def matt(points: np.ndarray, _aims: np.ndarray, normals: np.ndarray) -> np.ndarray:
@@ -107,7 +105,7 @@ def test_lights_that_stand_near() -> None:
         return 0.4 * np.clip(np.einsum("nki,ni->nk", away, normals), 0, None) * 0.7**2 / distance**3 @ MIXING.T
 
     image = developed(scene.drawn(0.0, matt), 0.003, 65535)
-    camera = Camera("perspective", 200, 200, (367.0, 367.0))
+    camera = Camera("perspective", 150, 150, (275.0, 275.0))
     ball = find_balls(image, camera, radius=0.2, mirror=False)[0]
     found = mixing_from_ball(taken(image), ball, near_rig(places, middle))
     assert np.abs(found.mixing - MIXING).max() < 0.01
@@ -169,7 +167,7 @@ def test_a_real_ball_determines_the_matrix_to_a_tenth(rough: float) -> None:
     """Gloss, light thrown back, lights 2° off, eight bits and clipping at once."""
     off = np.radians(2) * np.array([[0.6, 0.8, 0.0], [-1.0, 0.0, 0.0], [0.3, -0.9, 0.3]])
     photo = taken(glossy_photograph(normalised(FACING + off), MIXING, rough))
-    found = mixing_from_ball(photo, drawn(Circle(103.4, 103.8, 73.3)), RIG)
+    found = mixing_from_ball(photo, drawn(Circle(77.5, 77.85, 55.25)), RIG)
     assert found.determined
     assert np.abs(found.mixing - MIXING).max() < 0.1
 
@@ -216,7 +214,7 @@ def test_lights_that_stand_elsewhere_are_refused(directions: np.ndarray) -> None
 
 
 def test_a_photo_of_something_else_is_refused() -> None:
-    x, y = np.meshgrid(np.arange(200), np.arange(200))
+    x, y = np.meshgrid(np.arange(150), np.arange(150))
     weave = 0.5 + 0.4 * np.stack([np.sin(x / 9), np.sin(y / 7), np.sin((x + y) / 11)], -1)
     with pytest.raises(InputError, match=r"no mixing matrix explains the photo"):
         mixing_from_ball(taken(weave.astype(np.float32)), drawn(), RIG)

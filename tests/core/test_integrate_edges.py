@@ -1,7 +1,6 @@
 """Where one thing stands before another: what the fast method smears and the bilateral one keeps."""
 
 from collections.abc import Callable
-from functools import partial
 
 import numpy as np
 import pytest
@@ -36,7 +35,7 @@ def errors(surface: Surface, method: Method) -> np.ndarray:
 
 @pytest.mark.parametrize(
     ("shape", "times"),
-    [(partial(two_spheres, square_camera(192)), 1.5), (partial(torus, 192, 65), 1.5), (partial(torus, 192, 75), 10)],
+    [(lambda: two_spheres(square_camera(192)), 1.5), (lambda: torus(192, 65), 1.5), (lambda: torus(192, 75), 10)],
     ids=["two spheres", "a ring that hides a little of itself", "a ring that hides much of itself"],
 )
 def test_bilateral_keeps_steps(shape: Callable[[], Surface], times: float) -> None:
