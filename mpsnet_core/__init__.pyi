@@ -40,7 +40,7 @@ from mpsnet_core.errors import SettingsError as SettingsError
 from mpsnet_core.estimate.albedo import albedo_from_white as albedo_from_white
 from mpsnet_core.estimate.albedo import read_albedo as read_albedo
 from mpsnet_core.estimate.albedo import write_albedo as write_albedo
-from mpsnet_core.estimate.alignment.operation import Align as Align
+from mpsnet_core.estimate.alignment.operations import Align as Align
 from mpsnet_core.estimate.estimator import estimate_normals as estimate_normals
 from mpsnet_core.estimate.operations import CalibratePhoto as CalibratePhoto
 from mpsnet_core.estimate.operations import Estimate as Estimate

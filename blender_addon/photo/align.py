@@ -10,7 +10,7 @@ import numpy as np
 from mathutils import Matrix
 
 from mpsnet_core.errors import InputError
-from mpsnet_core.estimate.alignment.operation import Align, fit_in_words
+from mpsnet_core.estimate.alignment.operations import Align, fit_in_words
 from mpsnet_core.scene.camera import FULL_FRAME, Camera, read_camera, write_camera
 
 from ..image_records import Provenance, stamp

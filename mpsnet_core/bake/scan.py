@@ -7,7 +7,7 @@ from typing import Any, ClassVar
 from mpsnet_core.calibrate.operations import CalibrateMesh
 from mpsnet_core.capture.operations import ReadsPhotos
 from mpsnet_core.defaults import MASK, MAX_FOCAL, MIN_FOCAL
-from mpsnet_core.estimate.alignment.operation import Align
+from mpsnet_core.estimate.alignment.operations import Align
 from mpsnet_core.estimate.operations import Estimate, RunsModel
 from mpsnet_core.operation import Operation, Result, option, optional, settings
 from mpsnet_core.progress import Progress, part, silent

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cache, partial
 from pathlib import Path
+from pkgutil import resolve_name
 from typing import TYPE_CHECKING, Any, ClassVar
 
 from mpsnet_core.defaults import MASK, MAX_FOCAL, MIN_FOCAL
@@ -215,39 +216,7 @@ class Superpose(ReadsPictures):
 
     def run(self, progress: Progress = silent) -> PhotoMade:
         """Write the photo, and the one under white light if requested."""
-        from mpsnet_core.capture.superpose import as_channels, superpose
-        from mpsnet_core.io.files import check_no_overwrite, checked_bits, write_transaction
-        from mpsnet_core.io.frames import expand_images, in_order_of_lights
-        from mpsnet_core.io.image import linear_to_srgb
-        from mpsnet_core.io.image_writing import write_photo
-
-        files = expand_images(self.image)
-        if self.channels:
-            files = in_order_of_lights(files)
-        if self.white and not self.channels:
-            raise SettingsError(
-                "--white goes with --channels; the photo of coloured lights shows no colours of its own"
-            )
-        check_no_overwrite(files, [self.output, *([self.white] if self.white else [])])
-        is_png = self.channels and Path(self.output).suffix.lower() == ".png"
-        # A sum of lights can be above 1, which only float files hold.
-        bits = checked_bits(Path(self.output), None if is_png else 32)
-        progress(0.0, "combining the photos")
-        combine = as_channels if self.channels else superpose
-        photo = combine(files, encoding=self.encoding)
-        if is_png:
-            encoded = linear_to_srgb(photo.pixels / max(1.0, float(photo.pixels.max())))
-            photo = replace(photo, pixels=encoded)
-        with write_transaction():
-            write_photo(self.output, photo, bits=bits, linear=not is_png)
-            if self.white:
-                white = superpose(files, encoding=self.encoding, grey=True)
-                write_photo(self.white, white, bits=checked_bits(Path(self.white), 32), linear=True)
-        progress(1.0, "done")
-        if not self.channels:
-            return PhotoMade(self.output, text=f"{self.output}: {len(files)} photo(s), added up")
-        red, green, blue = (file.name for file in files)
-        return PhotoMade(self.output, text=f"{self.output}: red is {red}, green {green}, blue {blue}")
+        return resolve_name("mpsnet_core.capture.commands:superpose_photos")(self, progress)
 
 
 @dataclass(frozen=True)
@@ -280,27 +249,7 @@ class FindMask(ReadsPhotos):
 
     def run(self, progress: Progress = silent) -> MaskFound:
         """Write the mask, and the overlay if requested."""
-        from mpsnet_core.capture.open import Source
-        from mpsnet_core.io.files import check_no_overwrite, writable_image, write_transaction
-        from mpsnet_core.io.image_writing import write_mask, write_picture_bands
-        from mpsnet_core.scene.pictures import mask_bands
-
-        outputs = [self.output, *([self.overlay] if self.overlay else [])]
-        for output in outputs:
-            writable_image(output)
-        check_no_overwrite(self.inputs(self.image, mask=self.mask), outputs)
-        progress(0.0, f"reading {Path(self.image).name}")
-        image, mask, _ = self.photo_and_mask(Source(Path(self.image), None, self.mask), progress)
-        progress(0.8, f"writing {Path(self.output).name}")
-        with write_transaction():
-            write_mask(self.output, mask)
-            if self.overlay:
-                height, width = mask.shape
-                write_picture_bands(self.overlay, (height, width, 3), mask_bands(image.pixels, mask))
-        progress(1.0, "done")
-        share = float(mask.mean())
-        text = f"{self.output}: the object covers {share:.1%} of the photo"
-        return MaskFound(self.output, self.overlay, round(share, 4), text=text)
+        return resolve_name("mpsnet_core.capture.commands:find_mask")(self, progress)
 
 
 @dataclass(frozen=True)
@@ -353,23 +302,4 @@ class Check(ReadsPhotos):
 
     def run(self, progress: Progress = silent) -> PhotoChecked:
         """Check the photo, and write the findings if requested."""
-        from mpsnet_core.capture.open import Source
-        from mpsnet_core.capture.photo_check import check_photo, worst
-        from mpsnet_core.io.files import check_no_overwrite, prefix_errors, writable_path, write_json
-        from mpsnet_core.scene.rig import has_mixing, read_rig
-
-        if self.json:
-            writable_path(self.json)
-            check_no_overwrite(self.inputs(self.image, self.rig, mask=self.mask), [self.json])
-        rig = read_rig(self.rig) if self.rig else None
-        progress(0.0, f"reading {Path(self.image).name}")
-        image, mask, evidence = self.photo_and_mask(Source(Path(self.image), rig, self.mask), progress)
-        progress(0.6, "checking the photo")
-        with prefix_errors(self.image):
-            findings = check_photo(image, mask, rig, evidence, mixing_stated=not self.rig or has_mixing(self.rig))
-        lines = [f"{one.level:5}  {one.item:8}  {one.sentence}" for one in findings]
-        result = PhotoChecked(worst(findings), findings, text="\n".join(lines))
-        if self.json:
-            write_json(self.json, result.metrics("level", "findings"))
-        progress(1.0, "done")
-        return result
+        return resolve_name("mpsnet_core.capture.commands:check")(self, progress)

@@ -25,7 +25,7 @@ from mpsnet_core.cli import EXIT_BAD_INPUT, EXIT_CANCELLED
 from mpsnet_core.cli.arguments import Parser, Subparsers, add_operation
 from mpsnet_core.cli.reporter import NoteCollector, Reporter, log_level, print_json, refuse
 from mpsnet_core.errors import InputError, SettingsError, printable
-from mpsnet_core.estimate.alignment.operation import Align
+from mpsnet_core.estimate.alignment.operations import Align
 from mpsnet_core.estimate.operations import CalibratePhoto, Estimate, ListModels
 from mpsnet_core.io.child_process import only_request
 from mpsnet_core.operation import Operation, from_json

@@ -4,20 +4,26 @@ Three lights are needed for a normal.
 """
 
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from mpsnet_core.arrays.resampling import reduced_shape
 from mpsnet_core.arrays.types import F32, F64, Bools
 from mpsnet_core.arrays.unit_vectors import dot, normalised
 from mpsnet_core.errors import GeometryError
+from mpsnet_core.io.files import atomic_write, check_no_overwrite, prefix_errors, writable_image, writable_path
 from mpsnet_core.io.image import linear_to_srgb
-from mpsnet_core.scene.camera import Camera
+from mpsnet_core.io.image_writing import write_picture
+from mpsnet_core.progress import Progress
+from mpsnet_core.scene import operations
+from mpsnet_core.scene.camera import Camera, read_camera
 from mpsnet_core.scene.mesh import Mesh
 from mpsnet_core.scene.normal_encoding import encode
 from mpsnet_core.scene.rays import OFFSET, Hits, RayScene, lift_to_curve
-from mpsnet_core.scene.rig import LightRig
+from mpsnet_core.scene.rig import LightRig, read_rig
 
 # Colours of pixels that no light, one and two lights reach. Where three do, the normal's colour is shown.
 TOO_FEW = np.array([(0, 0, 0), (0.75, 0.05, 0.05), (1, 0.6, 0)], np.float32)
@@ -126,3 +132,25 @@ def _irradiance(camera: Camera, rig: LightRig, scene: RayScene, points: F64, nor
             hidden = scene.distances(starts[facing], towards) < np.linalg.norm(place - starts[facing], axis=1)
         irradiance[facing[hidden], number] = 0
     return irradiance
+
+
+def preview_lights(options: operations.PreviewLights, progress: Progress) -> operations.LightsPreviewed:
+    """Ray trace the mesh, and write the image."""
+    as_array = Path(options.output).suffix.lower() == ".npy"
+    output = writable_path(options.output) if as_array else writable_image(options.output, 8)
+    check_no_overwrite([options.mesh, options.rig, options.camera], [output])
+    camera, rig = read_camera(options.camera), read_rig(options.rig)
+    height, width = reduced_shape(camera.height, camera.width, options.size)
+    progress(0.0, "reading the mesh")
+    mesh = options.read_mesh(options.mesh, shape_only=True)
+    progress(0.5, "tracing the lights")
+    with prefix_errors(f"camera {options.camera}"):
+        view = lit_view(camera.resized(width, height), rig, mesh)
+    if as_array:
+        with atomic_write(output) as unfinished, unfinished.open("wb") as file:
+            np.save(file, view.picture())
+    else:
+        write_picture(output, view.picture())
+    progress(1.0, "done")
+    text = f"{options.output}: three lights reach {view.shares[3]:.1%} of what the camera sees"
+    return operations.LightsPreviewed(options.output, [round(share, 4) for share in view.shares], text=text)

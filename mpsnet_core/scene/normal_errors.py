@@ -1,6 +1,7 @@
 """Angular errors of estimated normals, pixel by pixel."""
 
 from dataclasses import dataclass
+from pathlib import Path
 from typing import ClassVar
 
 import numpy as np
@@ -10,12 +11,17 @@ from mpsnet_core.arrays.types import F32, Bools
 from mpsnet_core.arrays.unit_vectors import angular_error
 from mpsnet_core.defaults import Convention
 from mpsnet_core.errors import FormatError, GeometryError, SettingsError
+from mpsnet_core.io.files import check_no_overwrite, writable_image
 from mpsnet_core.io.from_files import takes_files
 from mpsnet_core.io.image_reading import image_layers, read_data
+from mpsnet_core.io.image_writing import write_picture_bands
 from mpsnet_core.io.opening import AnyPath
 from mpsnet_core.io.shown import Shown
+from mpsnet_core.progress import Progress
+from mpsnet_core.scene import operations
 from mpsnet_core.scene.camera import read_camera
 from mpsnet_core.scene.normal_map import NormalMap, read_normals
+from mpsnet_core.scene.pictures import scaled_error_bands
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -104,3 +110,27 @@ def errors_inside(mask: Bools, inside: F32, truth: NormalMap) -> NormalErrors:
         degrees[rows][shared] = angular_error(estimated, truth.vectors[rows][shared])
         done += count
     return NormalErrors(degrees, both)
+
+
+def compare_normals(options: operations.CompareNormals, progress: Progress) -> operations.NormalsCompared:
+    """Compare them, and write the error image if requested."""
+    if options.output:
+        writable_image(options.output)
+        check_no_overwrite(
+            [file for file in (options.normals, options.truth, options.camera) if file], [options.output]
+        )
+    progress(0.0, "reading the normals")
+    estimate = read_normals(options.normals, convention=options.convention)
+    mask, inside = estimate.mask, estimate.vectors[estimate.mask]
+    del estimate  # two large photos' normals take much memory
+    truth = read_true_normals(options.truth, options.camera, convention=options.truth_convention)
+    errors = errors_inside(mask, inside, truth)
+    if options.output:
+        progress(0.6, f"writing {Path(options.output).name}")
+        write_picture_bands(options.output, *scaled_error_bands(errors.degrees, errors.mask))
+    progress(1.0, "done")
+    share = float(errors.mask.sum() / mask.sum())
+    text = f"{options.normals}: mean {errors.mean:.2f}°, median {errors.median:.2f}°, over {share:.1%} of its pixels"
+    return operations.NormalsCompared(
+        options.output, round(errors.mean, 3), round(errors.median, 3), round(share, 4), text=text
+    )

@@ -3,6 +3,7 @@ three lights on a mesh)."""
 
 from dataclasses import dataclass
 from pathlib import Path
+from pkgutil import resolve_name
 from typing import TYPE_CHECKING, ClassVar, Literal
 
 from mpsnet_core.defaults import ENCODINGS
@@ -12,7 +13,6 @@ from mpsnet_core.progress import Progress, silent
 
 if TYPE_CHECKING:
     from mpsnet_core.scene.mesh import Mesh
-    from mpsnet_core.scene.view_photos import ViewPhoto
 
 
 # Lengths in metres.
@@ -98,48 +98,7 @@ class WriteCameras(ReadsPictures):
 
     def run(self, progress: Progress = silent) -> CamerasWritten:
         """Write a camera file for each photo, and the undistorted photo if its lens has distortion."""
-        from mpsnet_core.io.files import check_no_overwrite, ensure_folder
-        from mpsnet_core.scene.camera import write_camera
-        from mpsnet_core.scene.view_photos import CAMERA_SUFFIX, posed_photos
-
-        views = posed_photos(self.cameras, self.photos)
-        folder = ensure_folder(self.output, "cameras")
-        check_no_overwrite([view.photo for view in views], [folder / f"{view.name}.exr" for view in views])
-        corrected_photos = 0
-        for number, view in enumerate(views):
-            progress(number / len(views), view.name)
-            camera = folder / f"{view.name}{CAMERA_SUFFIX}"
-            if view.lens is None:
-                write_camera(camera, view.camera)
-                continue
-            self._undistort(view, camera, folder / f"{view.name}.exr")
-            corrected_photos += 1
-        progress(1.0, "done")
-        lenses = f", {corrected_photos} photo(s) undistorted" if corrected_photos else ", without distortion"
-        names, text = [f"{view.name}{CAMERA_SUFFIX}" for view in views], f"{folder}: {len(views)} camera(s){lenses}"
-        return CamerasWritten(str(folder), names, corrected_photos, text=text)
-
-    def _undistort(self, view: "ViewPhoto", camera: Path, photo: Path) -> None:
-        """Write the camera and the undistorted photo, both or neither."""
-        import numpy as np
-
-        from mpsnet_core.io.files import prefix_errors, write_transaction
-        from mpsnet_core.io.image import Image, warn_of_saturation
-        from mpsnet_core.io.image_reading import read_image
-        from mpsnet_core.io.image_writing import write_photo
-        from mpsnet_core.scene.camera import write_camera
-        from mpsnet_core.scene.photogrammetry.posed_photo import undistorted, undistorted_mask
-
-        assert view.lens is not None
-        with prefix_errors(view.photo):
-            image = read_image(view.photo, encoding=self.encoding)
-            warn_of_saturation(view.photo, image)
-            pixels = undistorted(image.pixels, view.camera, view.lens)
-            shown = np.ones(image.pixels.shape[:2], bool) if image.alpha is None else image.alpha > 0.5
-            alpha = undistorted_mask(shown, view.camera, view.lens)
-        with write_transaction():
-            write_camera(camera, view.camera)
-            write_photo(photo, Image(pixels, alpha.astype(np.float32), np.inf, assumed=image.assumed), bits=16)
+        return resolve_name("mpsnet_core.scene.view_photos:write_cameras")(self, progress)
 
 
 @dataclass(frozen=True)
@@ -175,28 +134,7 @@ class CompareNormals(Operation):
 
     def run(self, progress: Progress = silent) -> NormalsCompared:
         """Compare them, and write the error image if requested."""
-        from mpsnet_core.io.files import check_no_overwrite, writable_image
-        from mpsnet_core.io.image_writing import write_picture_bands
-        from mpsnet_core.scene.normal_errors import errors_inside, read_true_normals
-        from mpsnet_core.scene.normal_map import read_normals
-        from mpsnet_core.scene.pictures import scaled_error_bands
-
-        if self.output:
-            writable_image(self.output)
-            check_no_overwrite([file for file in (self.normals, self.truth, self.camera) if file], [self.output])
-        progress(0.0, "reading the normals")
-        estimate = read_normals(self.normals, convention=self.convention)
-        mask, inside = estimate.mask, estimate.vectors[estimate.mask]
-        del estimate  # two large photos' normals take much memory
-        truth = read_true_normals(self.truth, self.camera, convention=self.truth_convention)
-        errors = errors_inside(mask, inside, truth)
-        if self.output:
-            progress(0.6, f"writing {Path(self.output).name}")
-            write_picture_bands(self.output, *scaled_error_bands(errors.degrees, errors.mask))
-        progress(1.0, "done")
-        share = float(errors.mask.sum() / mask.sum())
-        text = f"{self.normals}: mean {errors.mean:.2f}°, median {errors.median:.2f}°, over {share:.1%} of its pixels"
-        return NormalsCompared(self.output, round(errors.mean, 3), round(errors.median, 3), round(share, 4), text=text)
+        return resolve_name("mpsnet_core.scene.normal_errors:compare_normals")(self, progress)
 
 
 @dataclass(frozen=True)
@@ -228,30 +166,4 @@ class PreviewLights(TakesMesh):
 
     def run(self, progress: Progress = silent) -> LightsPreviewed:
         """Ray trace the mesh, and write the image."""
-        import numpy as np
-
-        from mpsnet_core.arrays.resampling import reduced_shape
-        from mpsnet_core.io.files import atomic_write, check_no_overwrite, prefix_errors, writable_image, writable_path
-        from mpsnet_core.io.image_writing import write_picture
-        from mpsnet_core.scene.camera import read_camera
-        from mpsnet_core.scene.light_preview import lit_view
-        from mpsnet_core.scene.rig import read_rig
-
-        as_array = Path(self.output).suffix.lower() == ".npy"
-        output = writable_path(self.output) if as_array else writable_image(self.output, 8)
-        check_no_overwrite([self.mesh, self.rig, self.camera], [output])
-        camera, rig = read_camera(self.camera), read_rig(self.rig)
-        height, width = reduced_shape(camera.height, camera.width, self.size)
-        progress(0.0, "reading the mesh")
-        mesh = self.read_mesh(self.mesh, shape_only=True)
-        progress(0.5, "tracing the lights")
-        with prefix_errors(f"camera {self.camera}"):
-            view = lit_view(camera.resized(width, height), rig, mesh)
-        if as_array:
-            with atomic_write(output) as unfinished, unfinished.open("wb") as file:
-                np.save(file, view.picture())
-        else:
-            write_picture(output, view.picture())
-        progress(1.0, "done")
-        text = f"{self.output}: three lights reach {view.shares[3]:.1%} of what the camera sees"
-        return LightsPreviewed(self.output, [round(share, 4) for share in view.shares], text=text)
+        return resolve_name("mpsnet_core.scene.light_preview:preview_lights")(self, progress)

@@ -5,12 +5,19 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from mpsnet_core.errors import FileError, SettingsError
-from mpsnet_core.io.files import prefix_errors
+from mpsnet_core.io.files import check_no_overwrite, ensure_folder, prefix_errors, write_transaction
 from mpsnet_core.io.frames import PhotoFolder
-from mpsnet_core.io.image_reading import read_size
+from mpsnet_core.io.image import Image, warn_of_saturation
+from mpsnet_core.io.image_reading import read_image, read_size
+from mpsnet_core.io.image_writing import write_photo
 from mpsnet_core.io.opening import AnyPath
-from mpsnet_core.scene.camera import AS_SOLVED, Camera, camera_for, read_camera
+from mpsnet_core.progress import Progress
+from mpsnet_core.scene import operations
+from mpsnet_core.scene.camera import AS_SOLVED, Camera, camera_for, read_camera, write_camera
+from mpsnet_core.scene.photogrammetry.posed_photo import undistorted, undistorted_mask
 from mpsnet_core.scene.view_files import read_views
 
 if TYPE_CHECKING:
@@ -134,3 +141,37 @@ def _photogrammetry_photos(cameras: Path, photos: PhotoFolder) -> list[ViewPhoto
         named = ", ".join(missing[:NAMED_PHOTOS]) + (", ..." if len(missing) > NAMED_PHOTOS else "")
         log.warning("%d camera(s) have no photo in %s and are left out: %s", len(missing), photos.path, named)
     return views
+
+
+def write_cameras(options: operations.WriteCameras, progress: Progress) -> operations.CamerasWritten:
+    """Write a camera file for each photo, and the undistorted photo if its lens has distortion."""
+    views = posed_photos(options.cameras, options.photos)
+    folder = ensure_folder(options.output, "cameras")
+    check_no_overwrite([view.photo for view in views], [folder / f"{view.name}.exr" for view in views])
+    corrected_photos = 0
+    for number, view in enumerate(views):
+        progress(number / len(views), view.name)
+        camera = folder / f"{view.name}{CAMERA_SUFFIX}"
+        if view.lens is None:
+            write_camera(camera, view.camera)
+            continue
+        _undistort(options, view, camera, folder / f"{view.name}.exr")
+        corrected_photos += 1
+    progress(1.0, "done")
+    lenses = f", {corrected_photos} photo(s) undistorted" if corrected_photos else ", without distortion"
+    names, text = [f"{view.name}{CAMERA_SUFFIX}" for view in views], f"{folder}: {len(views)} camera(s){lenses}"
+    return operations.CamerasWritten(str(folder), names, corrected_photos, text=text)
+
+
+def _undistort(options: operations.WriteCameras, view: ViewPhoto, camera: Path, photo: Path) -> None:
+    """Write the camera and the undistorted photo, both or neither."""
+    assert view.lens is not None
+    with prefix_errors(view.photo):
+        image = read_image(view.photo, encoding=options.encoding)
+        warn_of_saturation(view.photo, image)
+        pixels = undistorted(image.pixels, view.camera, view.lens)
+        shown = np.ones(image.pixels.shape[:2], bool) if image.alpha is None else image.alpha > 0.5
+        alpha = undistorted_mask(shown, view.camera, view.lens)
+    with write_transaction():
+        write_camera(camera, view.camera)
+        write_photo(photo, Image(pixels, alpha.astype(np.float32), np.inf, assumed=image.assumed), bits=16)

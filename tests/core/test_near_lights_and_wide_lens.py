@@ -91,9 +91,8 @@ def test_a_network_sees_a_ball_from_nearby_as_from_afar() -> None:
     assert degrees_between(found, expected)[frontal].max() < 0.01
 
 
-def test_near_lights_cost_the_default_network_little_and_they_and_wide_lenses_are_worth_giving_to_it(
-    close: Scene, wide: Scene
-) -> None:
+def test_near_lights_and_wide_lenses_are_worth_giving_to_the_default_network(close: Scene, wide: Scene) -> None:
+    """Which near lights cost little."""
     near = error(close, "multiscale")
     assert near <= error(ball(50), "multiscale") + 0.4
     assert near < 0.8 * error(close, "multiscale", distant(close))
