@@ -281,11 +281,7 @@ class TestCommand:
         assert not (files / "camera.json").exists()
 
     def test_a_large_photo_under_near_lights_is_made_smaller(self, mpsnet, files, monkeypatch: pytest.MonkeyPatch):
-<<<<<<< HEAD
-        monkeypatch.setattr("mpsnet_core.estimate.alignment.operation.LONGEST", 180)
-=======
-        monkeypatch.setattr("mpsnet_core.estimate.alignment.align.LONGEST", 240)
->>>>>>> 59d7dd26394b1ede6a649710fc8c754054a63bf2
+        monkeypatch.setattr("mpsnet_core.estimate.alignment.align.LONGEST", 180)
         rig, true = published_rig(30, 90), photographed().camera
         middle = np.array([0, 0, -6.0])
         write_rig(files / "rig.json", near_rig(middle + 30 * rig.directions, middle))
