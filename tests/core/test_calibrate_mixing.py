@@ -37,7 +37,7 @@ def drawn(circle: Circle = TRUE_CIRCLE) -> Ball:
     ("circle", "options"),
     [
         (Circle(77.9, 77.5, 55.75), {"ambient": 0.05}),
-        (Circle(76.4, 78.7, 54.0), {"noise": 0.015}),
+        (Circle(76.4, 78.7, 54.0), {"noise": 0.02, "seed": 1}),
         (Circle(76.4, 78.7, 54.0), {"levels": 255}),
     ],
 )
