@@ -23,6 +23,13 @@ from mpsnet_core.scene.rig import write_rig
 Mpsnet = Callable[..., "subprocess.CompletedProcess[str]"]
 
 
+def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:
+    """Files of long tests alone are not even imported where none of these runs: what they import takes seconds."""
+    if config.option.markexpr == "not long" and collection_path.suffix == ".py":
+        return "\npytestmark = pytest.mark.long\n" in collection_path.read_text(encoding="utf-8") or None
+    return None
+
+
 @pytest.fixture(scope="session")
 def diligent() -> Path:
     """DiLiGenT's pmsData folder."""

@@ -27,7 +27,7 @@ ANGLES = [(30, 90), (35, 205), (25, 335)]
 FACING = np.array([around(*angle) for angle in ANGLES])
 LEFT, RIGHT = (-0.17, -0.02, -0.9), (0.16, -0.03, -0.85)
 BETWEEN = (np.array(LEFT) + RIGHT) / 2
-PAIR = Scene([(LEFT, 0.1), (RIGHT, 0.1)], lamps_around(BETWEEN, 0.8), (600, 400), 900)
+PAIR = Scene([(LEFT, 0.1), (RIGHT, 0.1)], lamps_around(BETWEEN, 0.8), (450, 300), 675)
 MATT = Scene([(MIDDLE, 70.0)], [], (240, 200))
 
 
@@ -43,7 +43,7 @@ def photos(tmp_path_factory: pytest.TempPathFactory) -> Path:
         write_file(folder / f"grey{light}.exr", grey_photograph(MATT, mixing, FACING), "float")
     write_file(folder / "pair.exr", photograph(PAIR), "float")
     write_file(folder / "grey.exr", grey_photograph(MATT, CROSSTALK, FACING), "float")
-    write_camera(folder / "camera.json", Camera("perspective", 600, 400, np.array([900.0, 900.0])))
+    write_camera(folder / "camera.json", Camera("perspective", 450, 300, np.array([675.0, 675.0])))
     write_rig(folder / "rig.json", LightRig(FACING))
     x, y = np.meshgrid(np.arange(240) + 0.5, np.arange(200) + 0.5)
     write_file(folder / "mask.png", (np.hypot(x - 130, y - 105) < 70) * 1.0, "uint8")

@@ -39,12 +39,6 @@ def lights_of(image: np.ndarray, camera: Camera, *, count: int = 1, radius: floa
     return find_lights([Sighting(ball, find_coloured_highlights(taken(image), ball)) for ball in balls])
 
 
-def test_a_ball_is_found_to_a_part_of_a_pixel() -> None:
-    scene = afar()
-    circle = find_balls(photograph(scene), pixel_camera(*scene.size))[0].circle
-    assert (circle.x, circle.y, circle.radius) == pytest.approx((220.3, 161.7, 97.4), abs=0.15)
-
-
 @pytest.mark.parametrize("seed", range(2))
 def test_a_ball_in_much_noise_is_found(clean: np.ndarray, seed: int) -> None:
     """The noise is three times as strong as the outline, pixel by pixel; edges of noise fit many circles."""
@@ -76,10 +70,17 @@ def test_a_circle_in_the_balls_place_that_may_be_the_ball_is_reported(caplog: py
     assert "the ball may be the circle 120,100,80 or 110,108,55" in caplog.text
 
 
-@pytest.mark.parametrize("levels", [255, None])
-def test_directions_afar(levels: int | None) -> None:
+@pytest.mark.parametrize(
+    "options",
+    [{"levels": 255}, {"levels": None}, {"white_lamp": (np.array(MIDDLE) + FAR * around(40, 20), 6e4, 0.8)}],
+    ids=["8 bits", "floats", "a white lamp in the mirror, which is no light"],
+)
+def test_a_ball_is_found_to_a_part_of_a_pixel_and_directions_afar(options: dict, caplog) -> None:
     scene = afar()
-    found = lights_of(photograph(scene, levels=levels), pixel_camera(*scene.size))
+    found = lights_of(photograph(scene, **options), pixel_camera(*scene.size))
+    circle = found.sightings[0].ball.circle
+    assert (circle.x, circle.y, circle.radius) == pytest.approx((220.3, 161.7, 97.4), abs=0.15)
+    assert "as on a matt one" not in caplog.text
     assert degrees_between(found.directions, FACING).max() < 0.5
     assert found.positions is None
     assert (degrees_between(found.directions, FACING) < 3 * found.uncertainties).all()
@@ -137,7 +138,7 @@ def near_scene(distance: float = 0.8) -> tuple[Scene, np.ndarray]:
     left, right = (-0.17, -0.02, -0.9), (0.16, -0.03, -0.85)
     middle = (np.array(left) + right) / 2
     lamps = lamps_around(middle, distance)
-    return Scene([(left, 0.1), (right, 0.1)], lamps, (600, 400), 900), np.array([place for place, _ in lamps])
+    return Scene([(left, 0.1), (right, 0.1)], lamps, (450, 300), 675), np.array([place for place, _ in lamps])
 
 
 def test_two_balls_give_positions() -> None:
@@ -151,15 +152,20 @@ def test_two_balls_give_positions() -> None:
     assert degrees_between(found.directions, places - found.target).max() < 0.5
 
 
+def lights_of_two_photos(scene: Scene, radius: float, moved: Sequence[float] = (0.0, 0.0, 0.0)) -> LightsFound:
+    """Of each ball alone, the lamps moved in between."""
+    sightings = []
+    for number, ball in enumerate(scene.balls):
+        lamps = [(place + number * np.array(moved), size) for place, size in scene.lamps]
+        image = photograph(Scene([ball], lamps, scene.size, scene.focal))
+        seen = find_balls(image, pinhole(scene), radius=radius)[0]
+        sightings.append(Sighting(seen, find_coloured_highlights(taken(image), seen)))
+    return find_lights(sightings)
+
+
 def test_two_photos_of_one_ball_give_the_same_positions_in_the_balls_unit() -> None:
     scene, places = near_scene()
-    sightings = []
-    for ball in scene.balls:
-        alone = Scene([ball], scene.lamps, scene.size, scene.focal)
-        image = photograph(alone)
-        seen = find_balls(image, pinhole(scene), radius=100.0)[0]
-        sightings.append(Sighting(seen, find_coloured_highlights(taken(image), seen)))
-    found = find_lights(sightings)
+    found = lights_of_two_photos(scene, 100.0)
     assert found.positions is not None
     assert np.linalg.norm(found.positions - 1000 * places, axis=1).max() < 0.02 * 800
 
@@ -174,15 +180,7 @@ def test_lights_far_from_two_balls_keep_their_directions(caplog: pytest.LogCaptu
 
 
 def test_rays_that_miss_each_other_are_reported(caplog: pytest.LogCaptureFixture) -> None:
-    """The lights were moved between two photos."""
-    scene, _ = near_scene()
-    sightings = []
-    for number, ball in enumerate(scene.balls):
-        lamps = [(place + number * np.array([0.0, 0.2, 0.1]), radius) for place, radius in scene.lamps]
-        image = photograph(Scene([ball], lamps, scene.size, scene.focal))
-        seen = find_balls(image, pinhole(scene), radius=0.1)[0]
-        sightings.append(Sighting(seen, find_coloured_highlights(taken(image), seen)))
-    find_lights(sightings)
+    lights_of_two_photos(near_scene()[0], 0.1, moved=(0.0, 0.2, 0.1))
     assert "miss each other" in caplog.text
 
 
@@ -193,7 +191,6 @@ OVERLAPPING = [(30, 90), (30, 99), (25.5, 95)]
 @pytest.mark.parametrize(
     "angles, options",
     [
-        (ANGLES, {"brightness": 0.8}),
         (ANGLES, {"brightness": 2.0}),  # clipped, but for the crosstalk
         (ANGLES, {"brightness": 2.0, "fine": 1}),  # so sharp that no pixel at their rims is darker
         (ANGLES, {"brightness": 0.7, "colours": CROSSTALK * [1, 0.3, 0.15]}),  # red in the blue outshines blue
@@ -231,17 +228,8 @@ def test_clipping_that_the_photo_shows_by_itself() -> None:
     assert all(spot.clipped for spot in found.sightings[0].highlights)
 
 
-def test_a_white_lamp_in_the_mirror_is_no_light() -> None:
-    scene = afar()
-    lamp = (np.array(MIDDLE) + FAR * around(40, 20), 6e4, 0.8)
-    found = lights_of(photograph(scene, white_lamp=lamp), pixel_camera(*scene.size))
-    assert degrees_between(found.directions, FACING).max() < 0.5
-
-
 def test_a_matt_ball_in_place_of_the_mirror_is_reported(caplog: pytest.LogCaptureFixture) -> None:
     scene = afar()
-    lights_of(photograph(scene), pixel_camera(*scene.size))
-    assert "as on a matt one" not in caplog.text
     lights_of(grey_photograph(scene, CROSSTALK, FACING), pixel_camera(*scene.size))
     assert caplog.text.count("as on a matt one") == 3
 

@@ -17,7 +17,7 @@ from mpsnet_core.synthesis.sample import read_sample, read_sample_data
 
 # A tetrahedron, closed and turned outwards.
 SOLID = "v 1 1 1\nv 1 -1 -1\nv -1 1 -1\nv -1 -1 1\nf 1 2 3\nf 1 4 2\nf 1 3 4\nf 2 4 3\n"
-SMALL = ("--size", "16", "--seed", "8", "--shapes", "blobs,drapery", "--views", "2")
+SMALL = ("--size", "16", "--seed", "8", "--shapes", "reliefs,drapery", "--views", "2")
 
 
 @pytest.fixture(scope="module")

@@ -68,7 +68,7 @@ def mesh() -> Mesh:
 
 
 @pytest.mark.parametrize(("direction", "projection"), VIEWS)
-@pytest.mark.parametrize("size", [300, 2000])
+@pytest.mark.parametrize("size", [300, 1200])
 def test_what_no_triangle_hides_is_seen(mesh: Mesh, direction: tuple[float, float, float], projection: str, size: int):
     camera = camera_looking(direction, projection, size=size, distance=9, reach=3.2)
     rng = np.random.default_rng(2)

@@ -1,5 +1,7 @@
 """A white photo of another scene is noticed by its edges, under any lamp; smooth objects and noise prove nothing."""
 
+from functools import cache
+
 import numpy as np
 import pytest
 from painted_sphere import Painted
@@ -10,6 +12,7 @@ from mpsnet_core.scene.rig import direction_from_angles, published_rig
 RNG = np.random.default_rng(4)
 
 
+@cache
 def bumps(seed: int, size: int = 200) -> np.ndarray:
     """(H, W, 3) normals of a relief of random facets, whose edges are creases."""
     rng = np.random.default_rng(seed)

@@ -5,7 +5,6 @@ from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
-import trimesh
 
 from mpsnet_core.arrays.mask_regions import connected
 from mpsnet_core.arrays.types import F32, F64, I32, I64
@@ -92,6 +91,8 @@ def load_mesh(path: str) -> Shape:
 
 def merge_vertices(vertices: F64, faces: I64) -> tuple[F64, I64]:
     """Merge coincident vertices, and remove degenerate and duplicate faces."""
+    import trimesh  # slow to import
+
     used = vertices[np.unique(faces)]
     size = float((used.max(axis=0) - used.min(axis=0)).max()) or 1.0
     mesh = trimesh.Trimesh((vertices - used.min(axis=0)) / size, faces, process=False)

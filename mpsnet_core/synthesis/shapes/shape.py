@@ -7,7 +7,6 @@ from itertools import pairwise
 
 import numpy as np
 from numpy.typing import ArrayLike
-from trimesh.creation import icosphere
 
 from mpsnet_core.arrays.types import F32, F64, I32, Floats
 from mpsnet_core.arrays.unit_vectors import normalised
@@ -200,5 +199,7 @@ def catmull_rom(knots: F64, nodes: int) -> F64:
 @lru_cache(maxsize=4)
 def sphere(level: int) -> tuple[F64, I32]:
     """Vertices and triangles of the unit sphere: an icosahedron subdivided `level` times."""
+    from trimesh.creation import icosphere  # slow to import
+
     ball = icosphere(level)
     return np.array(ball.vertices), ball.faces.astype(np.int32)

@@ -43,7 +43,7 @@ def radius(directions: NDArray[np.float64], bumps: NDArray[np.float64] = BUMPS) 
     return found
 
 
-def mesh(rows: int = 120, bumps: NDArray[np.float64] = BUMPS) -> Mesh:
+def mesh(rows: int = 80, bumps: NDArray[np.float64] = BUMPS) -> Mesh:
     """Its triangles, on a grid of longitudes and latitudes."""
     latitude = np.linspace(0, np.pi, rows + 1)
     longitude = np.linspace(0, 2 * np.pi, 2 * rows, endpoint=False)
@@ -77,19 +77,22 @@ def photo(camera: Camera, bumps: NDArray[np.float64] = BUMPS) -> Photo:
     pixels = np.stack(np.broadcast_arrays(x, y[:, None]), axis=-1).reshape(-1, 2)
     origins, directions = camera.rays(pixels)
     nearest = -(origins * directions).sum(axis=1)  # to the origin, around which the surface lies within 1.6
+    mask = np.linalg.norm(origins + nearest[:, None] * directions, axis=1) < 1.6
+    origins, directions, nearest = origins[mask], directions[mask], nearest[mask]
     distance = np.maximum(nearest - 1.6, 0)
-    marching = np.arange(len(pixels))
+    marching = np.arange(len(distance))
     for _ in range(250):
         points = origins[marching] + distance[marching, None] * directions[marching]
         step = np.minimum(0.35 * _outside(points, bumps), 0.2)
         distance[marching] += step
         marching = marching[(np.abs(step) > 1e-10) & (distance[marching] < nearest[marching] + 1.6)]
     points = origins + distance[:, None] * directions
-    mask = np.abs(_outside(points, bumps)) < 1e-3
+    met = np.abs(_outside(points, bumps)) < 1e-3
+    mask[mask] = met
     step = 1e-5 * np.eye(3)
-    gradient = np.stack([_outside(points + d, bumps) - _outside(points - d, bumps) for d in step], axis=-1)
-    normals = gradient / np.linalg.norm(gradient, axis=1, keepdims=True) @ camera.rotation
-    normals = np.where(mask[:, None], normals, 0)
+    gradient = np.stack([_outside(points[met] + d, bumps) - _outside(points[met] - d, bumps) for d in step], axis=-1)
+    normals = np.zeros((len(mask), 3))
+    normals[mask] = gradient / np.linalg.norm(gradient, axis=1, keepdims=True) @ camera.rotation
     image = 0.6 * np.maximum(normals @ published_rig(30, 90).directions.T, 0)
     shape = (camera.height, camera.width)
     return Photo(

@@ -154,8 +154,11 @@ def torus(size: int, degrees: float, wide: float = 0.68, thick: float = 0.28) ->
         return np.hypot(np.hypot(place[..., 0], place[..., 1]) - wide, place[..., 2]) - thick
 
     place = np.stack([x, y, np.full_like(x, 1.5)], axis=-1) @ turn
+    still = np.ones(x.shape, bool)
     for _ in range(400):  # steps that cannot pass through it
-        place = place + np.where(np.abs(beyond(place)) < 4, beyond(place), 0)[..., None] * way
+        left = beyond(place[still])
+        place[still] += left[:, None] * way
+        still[still] = (left > 1e-12) & (left < 4)
     met = np.abs(beyond(place)) < 1e-6
     radius = np.hypot(place[..., 0], place[..., 1])[..., None]
     out = place - np.concatenate([place[..., :2] / radius * wide, np.zeros_like(radius)], axis=-1)

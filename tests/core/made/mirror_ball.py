@@ -4,13 +4,15 @@ Camera space as everywhere: x right, y up, z towards the camera. A perspective c
 orthographic one looks from far away, a pixel a unit, the photo's middle at x = y = 0.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from mpsnet_core.io.image import Image
 
+# Colours (N, 3) of places on a ball (N, 3), which rays in directions (N, 3) meet, by the normals there (N, 3).
+Shade = Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]
 CROSSTALK = np.array([[1.0, 0.3, 0.3], [0.3, 1.0, 0.3], [0.3, 0.3, 1.0]])
 
 
@@ -57,16 +59,24 @@ class Scene:
         along = dot(towards, aims)
         return (along > 0) & (dot(towards, towards) - along**2 < radius**2)
 
-    def samples(self, fine: int):
-        """x, y of a fine × fine grid of points within each pixel."""
-        width, height = self.size
-        x = (np.arange(width * fine) + 0.5) / fine
-        y = (np.arange(height * fine) + 0.5) / fine
-        return np.meshgrid(x, y)
+    def pixels(self) -> tuple[np.ndarray, np.ndarray]:
+        """x, y of their middles."""
+        return tuple(np.meshgrid(*(np.arange(length) + 0.5 for length in self.size)))
 
-    def averaged(self, values: np.ndarray, fine: int) -> np.ndarray:
-        width, height = self.size
-        return values.reshape(height, fine, width, fine, -1).mean((1, 3))
+    def drawn(self, background: np.ndarray | float, shade: Shade, fine: int = 3) -> np.ndarray:
+        """(H, W, 3) the balls before a background: the mean of fine × fine rays a pixel, where a ball may be met."""
+        x, y = self.pixels()
+        larger = Scene([(middle, 1.1 * radius) for middle, radius in self.balls], [], self.size, self.focal)
+        near, _, _ = larger.hits(*self.eye_rays(x, y))
+        image = np.broadcast_to(np.asarray(background, float)[..., None], (*x.shape, 3)).copy()
+        step = (np.arange(fine) + 0.5) / fine - 0.5
+        x, y = np.broadcast_arrays(x[near][:, None, None] + step, y[near][:, None, None] + step[:, None])
+        starts, aims = self.eye_rays(x, y)
+        met, places, normals = self.hits(starts, aims)
+        values = np.tile(image[near][:, None, None], (1, fine, fine, 1))
+        values[met] = shade(places[met], aims[met], normals[met])
+        image[near] = values.mean((1, 2))
+        return image
 
 
 def photograph(
@@ -87,24 +97,23 @@ def photograph(
     colours: (3, N) what each channel sees of each lamp. room: how bright the walls are that it mirrors, and that
     stand behind it. on: which lamps are lit. white_lamp: another one, by its middle, radius and brightness.
     """
-    x, y = scene.samples(fine)
-    starts, aims = scene.eye_rays(x, y)
-    met, places, normals = scene.hits(starts, aims)
-    places, aims, normals = places[met], aims[met], normals[met]
-    mirrored = aims - 2 * dot(aims, normals)[:, None] * normals
-    # Walls with a floor that begins below the horizon, a stripe and a lighter corner.
-    walls = room * (0.3 + 0.3 * (mirrored[:, 1] > -0.2) + 0.2 * (np.abs(mirrored[:, 0] - 0.3) < 0.1))
+
+    def mirror(places: np.ndarray, aims: np.ndarray, normals: np.ndarray) -> np.ndarray:
+        mirrored = aims - 2 * dot(aims, normals)[:, None] * normals
+        # Walls with a floor that begins below the horizon, a stripe and a lighter corner.
+        walls = room * (0.3 + 0.3 * (mirrored[:, 1] > -0.2) + 0.2 * (np.abs(mirrored[:, 0] - 0.3) < 0.1))
+        ball = np.repeat(walls[:, None], 3, -1)
+        for lamp in range(len(scene.lamps)) if on is None else on:
+            ball += scene.lamp_seen(places, mirrored, lamp)[:, None] * brightness * colours[:, lamp]
+        if white_lamp is not None:
+            middle, radius, power = white_lamp
+            other = Scene(scene.balls, [(middle, radius)], scene.size, scene.focal)
+            ball += other.lamp_seen(places, mirrored, 0)[:, None] * power
+        return ball
+
+    x, y = scene.pixels()
     behind = room * (1.2 + 0.5 * np.sin(x / 17) * np.cos(y / 23) + 0.8 * (y > 0.72 * scene.size[1]))
-    ball = np.repeat(walls[:, None], 3, -1)
-    for lamp in range(len(scene.lamps)) if on is None else on:
-        ball += scene.lamp_seen(places, mirrored, lamp)[:, None] * brightness * colours[:, lamp]
-    if white_lamp is not None:
-        middle, radius, power = white_lamp
-        other = Scene(scene.balls, [(middle, radius)], scene.size, scene.focal)
-        ball += other.lamp_seen(places, mirrored, 0)[:, None] * power
-    values = np.repeat(behind[..., None], 3, -1)
-    values[met] = ball
-    return developed(scene.averaged(values, fine), noise, levels, seed)
+    return developed(scene.drawn(behind, mirror, fine), noise, levels, seed)
 
 
 def grey_photograph(
@@ -120,10 +129,11 @@ def grey_photograph(
     seed: int = 0,
 ) -> np.ndarray:
     """(H, W, 3) a matt ball under distant lights, on black."""
-    x, y = scene.samples(fine)
-    met, _, normals = scene.hits(*scene.eye_rays(x, y))
-    shading = np.clip(normals @ np.asarray(directions).T, 0, None) @ np.asarray(mixing).T + ambient
-    return developed(scene.averaged(albedo * shading * met[..., None], fine), noise, levels, seed)
+
+    def matt(_places: np.ndarray, _aims: np.ndarray, normals: np.ndarray) -> np.ndarray:
+        return albedo * (np.clip(normals @ np.asarray(directions).T, 0, None) @ np.asarray(mixing).T + ambient)
+
+    return developed(scene.drawn(0.0, matt, fine), noise, levels, seed)
 
 
 def taken(pixels: np.ndarray) -> Image:

@@ -1,6 +1,7 @@
 """A matt ball or lump close to the lens and to its lights, drawn by formulas of its own, and what is true of it."""
 
 from dataclasses import dataclass
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -31,6 +32,7 @@ class Scene:
         return Capture(**{**known, **changes})
 
 
+@cache
 def ball(
     lens: float | None = WIDE, near: float | None = None, lobe: float = 0.0, mixing: Any = None, size: int = SIZE
 ) -> Scene:
