@@ -19,6 +19,7 @@ import tempfile
 import tomllib
 import zipfile
 from collections.abc import Iterable, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NoReturn
@@ -57,6 +58,9 @@ NOTICES = "THIRD_PARTY_NOTICES.txt"
 # Well below the limit of extensions.blender.org.
 MAX_ZIP_BYTES = 80 * 1000 * 1000
 
+# Programs that run at the same time.
+AT_ONCE = 4
+
 
 def fail(sentence: str) -> NoReturn:
     """End the build with a sentence: what is wrong and how to mend it."""
@@ -74,6 +78,10 @@ class Target:
 
     def __str__(self) -> str:
         return f"Python {self.python} on {self.platform}"
+
+    @property
+    def folder(self) -> str:
+        return f"{self.python}-{self.platform}"
 
     @property
     def pip_options(self) -> list[str]:
@@ -116,6 +124,7 @@ def build_core_wheel(folder: Path) -> Path:
             shutil.copy2(PROJECT / name, source)
         options = ["--no-deps", f"--wheel-dir={folder}"]
         run([sys.executable, "-m", "pip", "wheel", *options, source], "no wheel of mpsnet_core")
+    print("the wheel of mpsnet_core is built", flush=True)
     return next(folder.glob("*.whl"))
 
 
@@ -124,8 +133,9 @@ def resolve(requirements: Sequence[str], target: Target) -> list[str]:
 
     The build ends if there is no such set of wheels, or none that works with Blender's NumPy.
     """
-    WORK.mkdir(parents=True, exist_ok=True)
-    report, constraints = WORK / "report.json", WORK / "constraints.txt"
+    folder = WORK / "wheels" / target.folder
+    folder.mkdir(parents=True, exist_ok=True)
+    report, constraints = folder / "report.json", folder / "constraints.txt"
     constraints.write_text(f"numpy=={BLENDER_NUMPY[target.python]}\n", encoding="utf-8")
     wanted = list(requirements)
     while True:
@@ -158,12 +168,20 @@ def missing_requirements(found: Sequence[dict[str, Any]], target: Target) -> lis
 
 def download(pins: Sequence[str], target: Target) -> list[Path]:
     """Download the wheels of `pins` to the build folder, where the next build finds them."""
-    folder = WORK / "wheels" / f"{target.python}-{target.platform}"
+    folder = WORK / "wheels" / target.folder
     command = [sys.executable, "-m", "pip", "download", "--no-deps", f"--dest={folder}", *target.pip_options]
     run([*command, *pins], f"the wheels for {target} cannot be downloaded")
     wheels = [wheel for wheel in sorted(folder.glob("*.whl")) if "==".join(identity(wheel)) in pins]
     if len(wheels) != len(pins):
         fail(f"{folder} holds {len(wheels)} wheels of {len(pins)} packages; empty it and build again")
+    return wheels
+
+
+def find_wheels(requirements: Sequence[str], target: Target) -> list[Path]:
+    """The wheels of all dependencies of `requirements` on `target`."""
+    pins = resolve(requirements, target)
+    wheels = download(pins, target)
+    print(f"{target}: {', '.join(pins)}", flush=True)
     return wheels
 
 
@@ -213,6 +231,7 @@ def build_manual(folder: Path) -> bool:
     shutil.rmtree(folder, ignore_errors=True)
     options = ["-q", "-b", "html", f"-d{WORK / 'doctrees'}"]
     run([sys.executable, "-m", "sphinx", *options, PROJECT / "docs", folder], "the manual cannot be built")
+    print("the manual is built", flush=True)
     return True
 
 
@@ -289,21 +308,22 @@ def build(pythons: Sequence[str], platforms: Sequence[str], output: Path, blende
         fail(f"blender_manifest.toml has version {manifest['version']}, mpsnet_core {__version__}; match them")
     extras = project["optional-dependencies"]
     requirements = [*project["dependencies"], *(line for extra in EXTRAS for line in extras[extra])]
-    print("building the wheel of mpsnet_core and the manual", flush=True)
-    core = build_core_wheel(WORK / "core")
-    manual = WORK / "manual" if build_manual(WORK / "manual") else None
     output.mkdir(parents=True, exist_ok=True)
     packager = [sys.executable, str(blender_ext)]
-    warn_of_missing_translations()
-    for target in [Target(python, platform) for platform in platforms for python in pythons]:
-        print(f"{target}: finding the wheels", flush=True)
-        pins = resolve(requirements, target)
-        print(f"{target}: {', '.join(pins)}", flush=True)
-        source = stage(core, download(pins, target), target.platform, manual)
-        path = output / f"{manifest['id']}-{manifest['version']}-{target.platform}-python{target.python}.zip"
-        build_options = ["build", f"--source-dir={source}", f"--output-filepath={path}"]
-        run([*packager, *build_options], "Blender cannot pack the extension")
-        check_zip(path, blender_ext)
+    targets = [Target(python, platform) for platform in platforms for python in pythons]
+    print("building the manual and the wheel of mpsnet_core, finding all other wheels", flush=True)
+    with ThreadPoolExecutor(AT_ONCE) as pool:  # pip mostly waits for the network
+        made = pool.submit(build_manual, WORK / "manual")
+        found = [pool.submit(find_wheels, requirements, target) for target in targets]
+        pool.submit(warn_of_missing_translations)
+        core = build_core_wheel(WORK / "core")
+        manual = WORK / "manual" if made.result() else None
+        for target, wheels in zip(targets, found, strict=True):
+            source = stage(core, wheels.result(), target.platform, manual)
+            path = output / f"{manifest['id']}-{manifest['version']}-{target.platform}-python{target.python}.zip"
+            build_options = ["build", f"--source-dir={source}", f"--output-filepath={path}"]
+            run([*packager, *build_options], "Blender cannot pack the extension")
+            check_zip(path, blender_ext)
     run([*packager, "server-generate", f"--repo-dir={output}", "--html"], f"Blender cannot list the zips in {output}")
 
 

@@ -34,18 +34,18 @@ def average(models: list[onnx.ModelProto], shares: list[float]) -> onnx.ModelPro
     """The first model with the mean of all weights. shares: of each model, 1 in sum."""
     if not np.isclose(sum(shares), 1):
         raise SystemExit(f"the shares have a sum of {sum(shares):g}; make it 1")
-    weights = [{one.name: numpy_helper.to_array(one) for one in model.graph.initializer} for model in models]
+    # By their order: the exporter numbers the names anew where the code has changed since.
+    weights = [[numpy_helper.to_array(one) for one in model.graph.initializer] for model in models]
     records = [{entry.key: entry.value for entry in model.metadata_props} for model in models]
     for other, record in zip(weights[1:], records[1:], strict=True):
         # As cards, not as text: an older file's may lack what has a default.
-        same = card_from_metadata(record) == card_from_metadata(records[0]) and other.keys() == weights[0].keys()
-        if not same or any(other[name].shape != values.shape for name, values in weights[0].items()):
+        same = card_from_metadata(record) == card_from_metadata(records[0])
+        if not same or [one.shape for one in other] != [one.shape for one in weights[0]]:
             raise SystemExit("these are different networks; only legs of one training have a mean")
-    for one in models[0].graph.initializer:
-        first = weights[0][one.name]
-        if first.dtype.kind == "f":
-            parts = [share * each[one.name].astype(np.float64) for share, each in zip(shares, weights, strict=True)]
-            one.CopyFrom(numpy_helper.from_array(np.sum(parts, axis=0).astype(first.dtype), one.name))
+    for one, *values in zip(models[0].graph.initializer, *weights, strict=True):
+        if values[0].dtype.kind == "f":
+            parts = [share * each.astype(np.float64) for share, each in zip(shares, values, strict=True)]
+            one.CopyFrom(numpy_helper.from_array(np.sum(parts, axis=0).astype(values[0].dtype), one.name))
     own = [json.loads(record[TRAINING_KEY]) for record in records]
     legs = [
         {"share": share, "steps": leg["steps"], "seed": leg["recipe"]["seed"], "samples": leg["samples_fingerprint"]}

@@ -124,16 +124,15 @@ def extend_to_nearest(values: F32, filled: Bools, distance: int, *, in_place: bo
     """
     out = np.require(values if in_place else values.copy(), requirements="C")
     (height, width), channels = filled.shape, values.shape[2]
-    flat = out.reshape(-1)
+    flat = out.reshape(-1, channels)
 
     def extend(rows: slice) -> None:
         top, bottom = max(rows.start - distance, 0), min(rows.stop + distance, height)
         texel, source, row = _nearest(filled[top:bottom], distance)
         own = np.flatnonzero((row >= rows.start - top) & (row < rows.stop - top))
-        texel, source = ((number.take(own) + top * width) * channels for number in (texel, source))
+        texel, source = (number.take(own) + top * width for number in (texel, source))
         # Only filled texels are read, and only others are written: bands are independent.
-        for channel in range(channels):
-            flat[texel + channel] = flat.take(source + channel)
+        flat[texel] = flat.take(source, axis=0)
 
     on_all_cores(extend, bands(height, max(ROWS, 4 * distance)))
     return out

@@ -281,7 +281,16 @@ class _Bake:
         corners = np.concatenate([surface.corners for surface in surfaces])
         inside = ((corners > -1) & (corners < size)).all(axis=(1, 2))
         area = float(texel_areas(corners[inside]).sum())
-        return _RasterisedSurfaces(surfaces, order, Raster(corners[order], size), area)
+        may_show = np.append(self._facing_a_view(surfaces)[order], False)
+        return _RasterisedSurfaces(surfaces, order, Raster(corners[order], size), area, may_show)
+
+    def _facing_a_view(self, surfaces: Sequence[TexelSampler]) -> Bools:
+        """(T,) whether some view may see the front of each triangle; all of them if each texel must be computed."""
+        count = sum(len(surface.corners) for surface in surfaces)
+        if self.baking.space == "object" or not self.projectors.all:
+            return np.ones(count, bool)
+        facing = [np.any([view.faces(surface) for view in self.projectors.all], axis=0) for surface in surfaces]
+        return np.concatenate(facing)
 
     def _seams(self, texture_set: TextureSet) -> SeamEdges:
         """The seams of the texture set's meshes in its unit square, with the islands' numbers of :meth:`_islands`."""
@@ -315,8 +324,9 @@ class _Bake:
                 laid = under.raster.rows(slice(rows.start + band.start, rows.start + band.stop))
                 here = points.rows(band)
                 np.greater_equal(laid, 0, out=here.covered)
-                for surface, triangle, texels in under.patches(laid):
-                    row, column = np.divmod(texels, width)
+                for surface, triangle, texels in under.patches(laid, under.may_show):
+                    row = texels // width
+                    column = texels - row * width
                     place = surface.place(triangle, column, row + (rows.start + band.start))
                     if first:
                         sums = ViewAccumulator.none(len(texels), self.projectors.values)
@@ -333,7 +343,7 @@ class _Bake:
                     here.seen[...] = here.views != 0
                     # +z: the surface's own normal in tangent space, or no surface.
                     flat = ~here.covered if self.baking.space == "object" else ~here.seen
-                    here.vectors.reshape(-1)[3 * np.flatnonzero(flat) + 2] = 1
+                    np.copyto(here.vectors[..., 2], 1, where=flat)
 
             def after(count: int = len(batch)) -> None:
                 nonlocal done
@@ -389,13 +399,15 @@ class _RasterisedSurfaces:
     """Rasterised triangles of all surfaces, concatenated and sorted by `order`."""
     area: float
     """The triangles' area in the raster, in pixels; more than are covered where UVs overlap."""
+    may_show: Bools
+    """(T + 1,). Whether some view may see each triangle of `raster`; at the end False, for points without one."""
 
-    def patches(self, laid: I32) -> Iterator[tuple[TexelSampler, I64, I64]]:
+    def patches(self, laid: I32, chosen: Bools | None = None) -> Iterator[tuple[TexelSampler, I64, I64]]:
         """Yield each surface with (N,) its triangles and (N,) the flat indices of the points above them.
 
-        laid: (R, C) triangle numbers, rows of the raster.
+        laid: (R, C) triangle numbers, rows of the raster. chosen: (T + 1,) which triangles, as `may_show`.
         """
-        texels = np.flatnonzero(laid >= 0)
+        texels = np.flatnonzero(laid >= 0 if chosen is None else chosen[laid])
         triangle = self.order.take(laid.ravel().take(texels))
         if len(self.surfaces) == 1:
             yield self.surfaces[0], triangle, texels

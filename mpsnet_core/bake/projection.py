@@ -12,7 +12,7 @@ from mpsnet_core.arrays.row_bands import bands, on_all_cores
 from mpsnet_core.arrays.sizes import SAME_SIZE, check_same_size, size
 from mpsnet_core.arrays.types import F32, I64, Bools
 from mpsnet_core.arrays.unit_vectors import transformed
-from mpsnet_core.bake.texel_surface import SurfacePoints
+from mpsnet_core.bake.texel_surface import SurfacePoints, TexelSampler
 from mpsnet_core.errors import GeometryError
 from mpsnet_core.io.from_files import takes_files
 from mpsnet_core.progress import Progress
@@ -69,6 +69,8 @@ def border_distance(inside: Bools, limit: int) -> F32:
 
 # Surfaces turned further from the camera than this (cosine) show too few pixels to be trusted.
 MIN_FACING = 0.1
+# Below this cosine, rounding decides on which side of a triangle's plane the camera is.
+EDGE_ON = np.float32(1e-3)
 # A view's weight is the cosine between shading normal and camera to this power: frontal views win over glancing ones.
 FACING_POWER = 4
 
@@ -149,6 +151,10 @@ class Projector:
                 out[..., 7] = known * weight
 
         on_all_cores(fill, bands(shape[0]))
+
+    def faces(self, surface: TexelSampler) -> Bools:
+        """(T,) whether the camera is in front of each triangle, or too close to its plane to tell."""
+        return self._facing(surface.position[:3], surface.outwards) > -EDGE_ON
 
     def sample_points(self, points: SurfacePoints) -> tuple[I64, F32]:
         """(M,) indices of the N surface points that the view sees, and its samples there.

@@ -3,10 +3,8 @@
 import json
 import os
 import subprocess
-import threading
 import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -115,40 +113,6 @@ class Window:
         self.input("mousemove", 300, 880, "sleep", "3" if panels else "1")
         left = max(self.state["sidebar"][0] - beside, 0)
         save(path, self.screenshot()[24:BELOW, left:EDITORS])
-
-    @contextmanager
-    def film(self, path: Path, width: int = 800) -> Iterator[None]:
-        """An animated WebP of viewport and sidebar as long as the context lasts, without times when nothing changes.
-
-        Only where MPSNET_SCREENSHOTS says where it goes. It needs Pillow.
-        """
-        if not os.environ.get("MPSNET_SCREENSHOTS"):
-            yield
-            return
-        from PIL import Image, ImageChops
-
-        frames, ended, file = [], threading.Event(), self.file.with_name("frame.bmp")
-
-        def record() -> None:
-            while not ended.is_set():
-                shown = ["-crop", f"{EDITORS}x{BELOW - 24}+0+24", "-resize", str(width)]
-                subprocess.run([*self.screen, "import", "-window", "root", *shown, file], check=True)
-                with Image.open(file) as picture:
-                    frame = picture.convert("RGB")
-                changed = ImageChops.difference(frame, frames[-1]) if frames else frame
-                if np.count_nonzero(np.asarray(changed).max(axis=-1) > 12) > 60:
-                    frames.append(frame)
-                ended.wait(0.2)
-
-        recorder = threading.Thread(target=record)
-        recorder.start()
-        try:
-            yield
-        finally:
-            ended.set()
-            recorder.join()
-        times = [180] * (len(frames) - 1) + [3000]  # milliseconds
-        frames[0].save(path, save_all=True, append_images=frames[1:], duration=times, loop=0, quality=55, method=6)
 
 
 def drawn(picture: np.ndarray) -> np.ndarray:

@@ -1,19 +1,7 @@
 """Try It, Before / After and Relight, with the mouse; what the guided tour shows is photographed on the way."""
 
-import os
-
 import numpy as np
-import pytest
 from live import EDITORS, Window
-
-# What these do, the panel's tests and those of its states do as well.
-for_the_docs = pytest.mark.skipif(
-    not os.environ.get("MPSNET_SCREENSHOTS"), reason="takes pictures for the docs; MPSNET_SCREENSHOTS names the folder"
-)
-
-
-# Where the dividers of Before / After are at first, as shares of the width of viewport and tools.
-DIVIDERS = 0.5, 0.62
 
 
 def viewport(window: Window) -> np.ndarray:
@@ -22,32 +10,12 @@ def viewport(window: Window) -> np.ndarray:
     return window.screenshot()[top : top + height, :left]
 
 
-def work(window: Window, operator: str, **settings) -> None:
-    window.ask("invoke", operator, settings)
-    window.wait(lambda state: not state["running"], f"end of {operator}")
-
-
-def sweep(window: Window, right: int, top: int) -> None:
-    """The light once around the object, and then both dividers over it and back."""
-    for angle in np.arange(0, 2 * np.pi, np.pi / 12):
-        x, y = right * (0.55 + 0.4 * np.cos(angle)), top + 400 - 300 * np.sin(angle)
-        window.input("mousemove", round(x), round(y), "sleep", "0.4")
-    dividers = [round(right * share) for share in DIVIDERS]
-    for number, divider in enumerate(dividers):
-        window.input("mousemove", divider, top + 700, "mousedown", 1)
-        for x in [*np.linspace(divider, right * (0.55 if number else 0.6), 8), *[divider] * 2]:
-            window.input("mousemove", round(float(x)), top + 700, "sleep", "0.4")
-        window.input("mouseup", 1)
-
-
 def test_try_it_ends_in_before_and_after_and_then_in_relight(unfolded, album):
     window = unfolded
     button = window.find("mps.try_it")
-    with window.film(album / "try_it.webp"):
-        window.click(*button)
-        window.wait(lambda state: "MPS White Lamp" in state["objects"], "result of Try It")
-        done = window.wait(lambda state: not state["running"], "end of Try It")
-        window.input("sleep", "2")
+    window.click(*button)
+    window.wait(lambda state: "MPS White Lamp" in state["objects"], "result of Try It")
+    done = window.wait(lambda state: not state["running"], "end of Try It")
     assert {"MPS Photo", "MPS Normals", "MPS Demo Low Poly"} <= set(done["images"])
     assert not any(done["errors"].values())
 
@@ -75,9 +43,6 @@ def test_try_it_ends_in_before_and_after_and_then_in_relight(unfolded, album):
     )
     assert changed(1.5) < 500
     window.photograph(album / "tour_try_it.png", beside=EDITORS)
-    if os.environ.get("MPSNET_SCREENSHOTS"):
-        with window.film(album / "before_after.webp"):
-            sweep(window, right, top)
     # A divider that is dragged to the right uncovers the plain mesh, which has no colours.
     colourful = np.ptp(lit[1], axis=-1).mean()
     window.input("mousemove", right - 200, top + 550, "mousedown", 1, "sleep", "0.3")
@@ -99,83 +64,3 @@ def test_try_it_ends_in_before_and_after_and_then_in_relight(unfolded, album):
     window.wait(lambda state: "MPS White Lamp" not in state["objects"], "end of Relight")
     window.input("mousemove", 300, 880)
     window.see(lambda: changed(1), lambda pixels: pixels < 500, "still picture")
-
-
-@for_the_docs
-def test_the_demo_is_displaced_and_a_material_is_made(unfolded, album, tmp_path):
-    window = unfolded
-    window.ask("run", "bpy.ops.mps.try_it(size=1024)")
-    window.input("mousemove", 300, 400, "sleep", "2", "key", "Escape", "sleep", "2")  # ends Before / After
-    work(window, "displace", method="MODIFIER", levels=3, output=str(tmp_path / "height.exr"))
-    work(window, "integrate", curvature=True, output=str(tmp_path / "view.exr"))
-    window.ask(
-        "run",
-        "surface = bpy.data.objects['MPS Surface']\nsurface.hide_set(True)\nsurface.hide_render = True\n"
-        "bpy.ops.object.select_all(action='DESELECT')",
-    )
-    window.photograph(album / "tour_height.png", "MPS_PT_heights", "MPS_PT_displace")
-    window.ask(
-        "run",
-        "mps = bpy.context.scene.mps\n"
-        "bpy.ops.mesh.primitive_grid_add(x_subdivisions=500, y_subdivisions=500, size=2)\n"
-        "plaster = bpy.context.object\n"
-        "texture = bpy.data.textures.new('Grain', 'VORONOI'); texture.noise_scale = 0.1\n"
-        "modifier = plaster.modifiers.new('Grain', 'DISPLACE')\n"
-        "modifier.texture, modifier.strength = texture, 0.04\n"
-        "bpy.ops.mps.new_rig(); bpy.ops.mps.add_rig(view='TOP')\n"
-        "mps.rig.camera.data.ortho_scale = 1.8\n"
-        "bpy.data.objects['Demo Low Poly'].hide_render = True",
-    )
-    work(window, "render_photo", width=512, height=512, samples=8, output=str(tmp_path / "plaster.exr"))
-    work(window, "make_material", repeats=3, output=str(tmp_path / "plaster"))
-    window.ask(
-        "run",
-        "import math, mathutils\nscene = bpy.context.scene\n"
-        "for obj in bpy.context.view_layer.objects: obj.hide_set(obj != scene.mps.material.plane)\n"
-        "area = next(area for area in bpy.context.screen.areas if area.type == 'VIEW_3D')\n"
-        "area.spaces.active.shading.type = 'MATERIAL'\n"
-        "view = area.spaces.active.region_3d\n"
-        "view.view_location, view.view_distance = scene.mps.material.plane.location, 7\n"
-        "view.view_rotation = mathutils.Euler((math.radians(45), 0, math.radians(20))).to_quaternion()",
-    )
-    window.input("sleep", "6")
-    window.photograph(album / "tour_material.png", "MPS_PT_material")
-    assert not any(window.state["errors"].values())
-
-
-@for_the_docs
-def test_the_demo_is_baked_from_all_around(unfolded, album, tmp_path):
-    window = unfolded
-    window.ask("run", "bpy.ops.mps.try_it(size=512)")
-    window.input("mousemove", 300, 400, "sleep", "2", "key", "Escape", "sleep", "2")  # ends Before / After
-    window.ask(
-        "run",
-        "import math, mathutils\nscene = bpy.context.scene\nrig = scene.mps.rig\n"
-        "front = rig.target.matrix_world.copy()\n"
-        "detailed, low = bpy.data.objects['Demo Detailed'], bpy.data.objects['Demo Low Poly']\n"
-        "detailed.hide_render, low.hide_render = False, True\n"
-        "for number in range(4):\n"
-        "    rig.target.matrix_world = mathutils.Matrix.Rotation(math.pi / 2 * number, 4, 'Z') @ front\n"
-        "    bpy.context.view_layer.update()\n"
-        f"    name = {str(tmp_path / 'side')!r} + f'{{number}}.exr'\n"
-        "    bpy.ops.mps.render_photo(width=512, height=512, samples=8, output=name)\n"
-        "    camera = bpy.data.objects.new(f'Side {number}', rig.camera.data.copy())\n"
-        "    camera.matrix_world = rig.camera.matrix_world\n"
-        "    scene.collection.objects.link(camera)\n"
-        "    camera.data.background_images.new().image = bpy.data.images.load(name)\n"
-        "for obj in (*(light.object for light in rig.lights), rig.camera): obj.hide_set(True)",
-    )
-    window.ask("set", "bake", {"size": 1024, "output": str(tmp_path / "around.png")})
-    work(window, "bake_views")
-    window.ask(
-        "run",
-        "area = next(area for area in bpy.context.screen.areas if area.type == 'VIEW_3D')\n"
-        "shading = area.spaces.active.shading\n"
-        "shading.type, shading.use_scene_lights, shading.use_scene_world = 'MATERIAL', True, False\n"
-        "shading.studiolight_intensity = 0.2\n"
-        "area.spaces.active.region_3d.view_distance = 9",
-    )
-    window.input("sleep", "6")
-    window.photograph(album / "panel_views.png", "MPS_PT_views")
-    assert (tmp_path / "around_report.html").is_file()
-    assert not any(window.state["errors"].values())

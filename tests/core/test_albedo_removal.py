@@ -28,8 +28,9 @@ def bent(painted: Painted, degrees: float) -> NormalMap:
     return NormalMap(normalised(normals + np.radians(degrees) * waves).astype(np.float32), painted.sphere.mask)
 
 
-def unevenness(painted: Painted, capture: Capture, where: np.ndarray) -> float:
-    """Standard deviation of the logarithm of what the photo is a multiple of, against the light that arrives."""
+def unevenness(painted: Painted, capture: Capture) -> float:
+    """Standard deviation of the logarithm of what the photo is a multiple of, against the light where it arrives."""
+    where = painted.lit & (painted.light > 0.2).all(axis=-1)
     multiple = np.log(capture.rig.unmixed(capture.image)[where] / painted.light[where])
     return float(multiple.std(axis=0).max())
 
@@ -37,11 +38,10 @@ def unevenness(painted: Painted, capture: Capture, where: np.ndarray) -> float:
 def test_the_photo_becomes_that_of_one_paint() -> None:
     painted = Painted(narrow=True)
     photo = replace(painted.capture, white=None)
-    well_lit = painted.lit & (painted.light > 0.2).all(axis=-1)
     found = divide_out_clustered_albedo(photo, bent(painted, 5))
     assert found is not None
-    assert unevenness(painted, photo, well_lit) > 0.8
-    assert unevenness(painted, found, well_lit) < 0.03
+    assert unevenness(painted, photo) > 0.8
+    assert unevenness(painted, found) < 0.03
 
 
 @pytest.mark.parametrize("floor", [0.02, 0.005, 1e-4])
@@ -53,9 +53,8 @@ def test_pure_paints_are_found_though_most_pixels_are_dark_in_each_light(floor: 
     photo = Capture(albedo * painted.light, painted.sphere.mask, published_rig())
     found = divide_out_clustered_albedo(photo, bent(painted, 2))
     if found is not None:  # a surface as good as black in two lights has nothing in common
-        well_lit = painted.lit & (painted.light > 0.2).all(axis=-1)
         assert np.isfinite(found.image).all()
-        assert unevenness(painted, found, well_lit) < 0.05
+        assert unevenness(painted, found) < 0.05
 
 
 def test_a_highlight_in_half_floats_stays_finite() -> None:
@@ -69,9 +68,8 @@ def test_a_highlight_in_half_floats_stays_finite() -> None:
 def test_near_lights_light_each_place_in_their_own_way() -> None:
     scene = ball(near=NEAR, size=96)
     stripes = np.where(np.indices(scene.mask.shape)[1] // 9 % 2 == 0, 0.2, 0.8)[..., None]
-    found = divide_out_clustered_albedo(
-        scene.capture(image=scene.image * stripes), NormalMap(scene.normals, scene.mask)
-    )
+    photo = scene.capture(image=scene.image * stripes)
+    found = divide_out_clustered_albedo(photo, NormalMap(scene.normals, scene.mask))
     assert found is not None
     lit = scene.lit & (scene.image > 0.2).all(axis=-1)
     assert np.log(found.image[lit] / scene.image[lit]).std(axis=0).max() < 0.05
@@ -85,20 +83,18 @@ def test_a_surface_of_one_paint_needs_no_second_look() -> None:
 def test_with_a_white_photo_only_the_brightness_of_each_paint_is_left_to_even_out() -> None:
     painted = Painted()
     grey = normalise_by_white_photo(painted.capture)
-    well_lit = painted.lit & (painted.light > 0.2).all(axis=-1)
     found = divide_out_chromaticity_albedo(painted.capture, grey, bent(painted, 2))
-    assert unevenness(painted, grey, well_lit) > 0.3
+    assert unevenness(painted, grey) > 0.3
     # Between two paints a pixel counts as of both.
-    assert unevenness(painted, found, well_lit) < 0.1
+    assert unevenness(painted, found) < 0.1
 
 
 def test_black_around_the_object_does_not_count() -> None:
     painted = Painted()
     photo = replace(painted.capture, mask=np.ones_like(painted.sphere.mask))
     normals = bent(painted, 2)
-    found = divide_out_chromaticity_albedo(
-        photo, normalise_by_white_photo(photo), NormalMap(normals.vectors + np.float32([0, 0, 1e-6]), photo.mask)
-    )
+    everywhere = NormalMap(normals.vectors + np.float32([0, 0, 1e-6]), photo.mask)
+    found = divide_out_chromaticity_albedo(photo, normalise_by_white_photo(photo), everywhere)
     expected = divide_out_chromaticity_albedo(painted.capture, normalise_by_white_photo(painted.capture), normals)
     np.testing.assert_allclose(found.image[painted.lit], expected.image[painted.lit], rtol=0.2, atol=0.01)
 
