@@ -172,7 +172,7 @@ def opened(monkeypatch: pytest.MonkeyPatch) -> Iterator[list[np.ndarray]]:
 
     monkeypatch.setattr(Capture, "__post_init__", note)
     monkeypatch.setattr("mpsnet_core.calibrate.mixing.mixing_from_ball", note)
-    monkeypatch.setattr("mpsnet_core.capture.photo_check.check_photo", note)
+    monkeypatch.setattr("mpsnet_core.capture.commands.check_photo", note)
     yield seen
 
 
