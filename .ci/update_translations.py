@@ -104,6 +104,8 @@ def said(file: Path) -> Iterator[str]:
             return texts(words.body) + texts(words.orelse)
         if isinstance(words, ast.BoolOp | ast.Dict):
             return [text for one in words.values for text in texts(one)]
+        if isinstance(words, ast.Tuple):
+            return [text for one in words.elts for text in texts(one)]
         if isinstance(words, ast.BinOp):
             return [begin + end for begin in texts(words.left) for end in texts(words.right)]
         if not isinstance(words, ast.Name):

@@ -35,6 +35,15 @@ def test_every_sentence_keeps_its_placeholders_and_is_known_whatever_values_are_
             assert found[:1].lower() + found[1:] == meant[:1].lower() + meant[1:], english
 
 
+def test_what_each_operator_lacks_in_an_empty_scene_is_translated(scene):
+    pytest.importorskip("babel")
+    store_sentences("de_DE", messages("de_DE"))
+    operators = [getattr(bpy.types, name) for name in dir(bpy.types) if name.startswith("MPS_OT_")]
+    lacking = {one.lacks(bpy.context) for one in operators if hasattr(one, "lacks")} - {""}
+    assert len(lacking) > 5
+    assert not [sentence for sentence in lacking if recognised(sentence, "de_DE") == sentence]
+
+
 def test_a_sentence_within_another_is_translated_and_what_is_unknown_stays(scene):
     pytest.importorskip("babel")
     store_sentences("de_DE", messages("de_DE"))
