@@ -175,8 +175,10 @@ def normals_by_photo(options: MakeMaterial, capture: Capture, progress: Progress
     network = replace(options, model=DEFAULT_MODEL).estimator()(capture, progress)
     steep = [float(np.arccos(np.clip(one.vectors[capture.mask][:, 2], -1, 1)).mean()) for one in (matt, network)]
     glossy = steep[0] > GLOSSY * steep[1]
-    kind, model = ("glossy", DEFAULT_MODEL) if glossy else ("matt", LAMBERTIAN_GREY_WORLD)
-    log.info("the photo shows a %s material: its normals are those of %s", kind, model)
+    if glossy:
+        log.info("the photo shows a glossy material: its normals are those of %s", DEFAULT_MODEL)
+    else:
+        log.info("the photo shows a matt material: its normals are those of %s", LAMBERTIAN_GREY_WORLD)
     return network if glossy else matt
 
 
