@@ -315,7 +315,7 @@ def build(pythons: Sequence[str], platforms: Sequence[str], output: Path, blende
     with ThreadPoolExecutor(AT_ONCE) as pool:  # pip mostly waits for the network
         made = pool.submit(build_manual, WORK / "manual")
         found = [pool.submit(find_wheels, requirements, target) for target in targets]
-        pool.submit(warn_of_missing_translations)
+        translations = pool.submit(warn_of_missing_translations)
         core = build_core_wheel(WORK / "core")
         manual = WORK / "manual" if made.result() else None
         for target, wheels in zip(targets, found, strict=True):
@@ -324,6 +324,7 @@ def build(pythons: Sequence[str], platforms: Sequence[str], output: Path, blende
             build_options = ["build", f"--source-dir={source}", f"--output-filepath={path}"]
             run([*packager, *build_options], "Blender cannot pack the extension")
             check_zip(path, blender_ext)
+        translations.result()
     run([*packager, "server-generate", f"--repo-dir={output}", "--html"], f"Blender cannot list the zips in {output}")
 
 
