@@ -2,8 +2,8 @@
 
     MPSNET_BLENDER=blender MPSNET_BLENDER_UI=blender python -m pytest -m '' examples/window_pictures.py
 
-Leaves them in examples/output/window. tests/blender/conftest.py explains the variables. It needs xdotool, ImageMagick
-and Pillow. What the tests show as well they photograph on the way: tour_try_it, tour_estimate, tour_bake,
+Leaves them in examples/output/window. tests/blender/blender_fixtures.py explains the variables. It needs xdotool,
+ImageMagick and Pillow. What the tests show as well they photograph on the way: tour_try_it, tour_estimate, tour_bake,
 panel_calibrate.
 """
 
@@ -11,7 +11,6 @@ import json
 import os
 import shutil
 import subprocess
-import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -19,14 +18,11 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
+from blender_fixtures import blender, extension_zip, unfolded  # noqa: F401
+from live import BELOW, EDITORS, Window
 from PIL import Image, ImageDraw
 
 HERE = Path(__file__).resolve().parent
-sys.path.insert(0, str(HERE.parent / "tests" / "blender"))
-
-from conftest import blender, extension_zip, unfolded  # noqa: E402, F401  fixtures
-from live import BELOW, EDITORS, Window  # noqa: E402
-
 OUTPUT = HERE / "output" / "window"
 OUTPUT.mkdir(parents=True, exist_ok=True)
 os.environ["MPSNET_SCREENSHOTS"] = str(OUTPUT)
