@@ -53,7 +53,7 @@ class Materials(Evaluation):
         ]
 
     def table(self, rows: Sequence[Row]) -> str:
-        """Mean, held-out mean, median and largest error per model, the material with the largest, and means by class."""
+        """Mean, held-out mean, median and largest error with its material, and the mean by class, per model."""
         lines = []
         for protocol, models in _by_material(rows).items():
             for model, errors in models.items():
