@@ -35,6 +35,8 @@ Window = tuple[slice, slice]
 COARSEST = 128
 # Images of up to this many pixels a side are magnified if the card says so.
 SMALL = 256
+# On a finest scale of more pixels a side, one pass of three or more is left out: coarser scales have averaged them.
+LARGE = 448
 # Scales of more pixels are interpolated where only the surface's colours are wanted.
 FINE = 1 << 22
 RIGHT_ANGLE = np.float32(np.pi / 2)
@@ -55,7 +57,8 @@ def predict_dense(
 
     A pyramid's first scale shows the whole object on at most 128 pixels a side. Each further scale has twice the
     resolution, and the network sees its own output on the previous scale. A pixel of a coarse scale is the mean of its
-    photo pixels inside the mask. Several passes are averaged on every scale.
+    photo pixels inside the mask. Several passes are averaged on every scale; a large finest scale leaves out the first
+    of three or more.
 
     rough: whether to interpolate the scales of more than 4 megapixels.
 
@@ -80,7 +83,8 @@ def predict_dense(
             output[photo.box] = previous
     for halving in range(halvings, -1, -1):
         shape = photo.shape(halving)
-        chosen = [] if rough and previous is not None and shape[0] * shape[1] > FINE else frames
+        spare = halving == 0 and previous is not None and len(frames) > 2 and max(shape) > LARGE
+        chosen = [] if rough and previous is not None and shape[0] * shape[1] > FINE else frames[spare:]
         result = output[photo.box] if halving == 0 else np.zeros((*shape, 4), storage_type(shape))
         work = list(_tiles(shape, tile, card.multiple, card.halo))
         for number, (window, place) in enumerate(work):
