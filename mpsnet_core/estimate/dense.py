@@ -35,9 +35,8 @@ Window = tuple[slice, slice]
 COARSEST = 128
 # Images of up to this many pixels a side are magnified if the card says so.
 SMALL = 256
-# On a finest scale of more pixels a side, one pass of three or more is left out: coarser scales have averaged them.
-LARGE = 448
-# Scales of more pixels are interpolated where only the surface's colours are wanted.
+# Scales of more pixels are interpolated where only the surface's colours are wanted. Where the finest one has more, one
+# of its three or more passes is left out: coarser scales have averaged them.
 FINE = 1 << 22
 RIGHT_ANGLE = np.float32(np.pi / 2)
 # Pixels of a large photo that are read at a time to make a coarse scale.
@@ -83,8 +82,9 @@ def predict_dense(
             output[photo.box] = previous
     for halving in range(halvings, -1, -1):
         shape = photo.shape(halving)
-        spare = halving == 0 and previous is not None and len(frames) > 2 and max(shape) > LARGE
-        chosen = [] if rough and previous is not None and shape[0] * shape[1] > FINE else frames[spare:]
+        fine = previous is not None and shape[0] * shape[1] > FINE
+        left_out = 1 if fine and halving == 0 and len(frames) > 2 else 0
+        chosen = [] if rough and fine else frames[left_out:]
         result = output[photo.box] if halving == 0 else np.zeros((*shape, 4), storage_type(shape))
         work = list(_tiles(shape, tile, card.multiple, card.halo))
         for number, (window, place) in enumerate(work):
