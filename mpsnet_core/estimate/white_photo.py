@@ -188,7 +188,7 @@ def _gains(photo: F64, white: F64, unmixing: F64, strengths: F64) -> tuple[F64, 
             reached = (shares > REACHED * np.median(shares, axis=0)).all(axis=-1)
             weights = weights * reached if np.count_nonzero(reached) >= MIN_PIXELS else weights
         even = EVEN_SHARES * spread**2
-        equations = np.einsum("ni,nj,n->ij", parts, parts, weights) / weights.sum() + even * np.eye(3)
+        equations = (weights * parts.T) @ parts / weights.sum() + even * np.eye(3)
         factors = np.linalg.solve(equations, weights @ parts / weights.sum() + even)
         distances = np.abs(parts @ factors - 1)
         spread = deviation(distances, MIN_SPREAD)

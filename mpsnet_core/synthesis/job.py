@@ -67,8 +67,8 @@ class SampleJob:
     style: Literal["photographs", "paper", "paper-all-materials", "paper-one-rig"] = "photographs"
     """"photographs" covers what users photograph. "paper" is like the MPS-Net paper (synthesis only): its rig and the
     rigs of its evaluation, two or more measured materials that are matt and of weak colour, no paint, dirt or fine
-    relief. "paper-all-materials" takes glossy, metallic and strongly coloured ones besides, as the paper does;
-    "paper-one-rig" uses the paper's own rig only."""
+    relief. "paper-all-materials" takes glossy, metallic and strongly coloured ones besides, as the paper does.
+    "paper-one-rig" takes these too, and the paper's own rig only."""
     sample_seconds: int = limited(3600, 1, 10_000_000)
     """Time limit in seconds of a worker for one sample."""
 

@@ -148,7 +148,7 @@ class Synthesize(RunsWorkers):
             "photographs": "scenes that users photograph",
             "paper": "as in the MPS-Net paper: its rigs, matt measured materials only",
             "paper-all-materials": "the same, with glossy and strongly coloured materials besides",
-            "paper-one-rig": "as paper, with its own rig alone, as for its table 1",
+            "paper-one-rig": "as paper-all-materials, with its own rig alone, as for its table 1",
         },
         help="style of the samples",
     )

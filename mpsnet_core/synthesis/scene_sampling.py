@@ -127,7 +127,7 @@ def draw_scene(job: SampleJob, number: int) -> SceneDescription:
 def _paper_scene(job: SampleJob, number: int, rng: np.random.Generator, shape: dict[str, Any]) -> SceneDescription:
     """A recipe like the MPS-Net paper's samples: two to six measured materials in a pattern, under point lights."""
     measured = _measured(job)
-    if job.style != "paper-all-materials":
+    if job.style == "paper":
         errors = measured_errors(job.merl)
         measured = [one for one in measured if errors[one[1]] <= PUBLISHED_ERROR]
     if not measured:

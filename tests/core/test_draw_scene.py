@@ -118,6 +118,7 @@ def test_the_paper_s_samples_are_of_measured_materials_under_its_rigs(tmp_path: 
     assert np.bincount(nearest, minlength=5).min() > 40  # of 60 each
 
     one_rig = [draw_scene(replace(job, style="paper-one-rig"), number) for number in range(20)]
+    assert {material.source for recipe in one_rig for material in recipe.materials} == {"a", "b"}
     slants, tilts = angles_of(np.array([recipe.light_directions for recipe in one_rig]))
     assert np.abs(slants - 30).max() <= 4 + 1e-9
     assert np.abs(tilts - (90, 210, 330)).max() <= 4 + 1e-9

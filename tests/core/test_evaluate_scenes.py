@@ -34,7 +34,8 @@ def test_no_job_draws_the_held_out_shapes() -> None:
 
 def test_materials_are_reported_apart_by_what_the_baseline_cannot_know(tmp_path: Path) -> None:
     """Equation 2 is right about matt grey under any protocol, and about matt colour once that is averaged away."""
-    fits = matt_fits(tmp_path / "fits.npz", grey=(0.3, 0.3, 0.3), red=(0.6, 0.1, 0.1), rust=(0.4, 0.25, 0.2))
+    colours = {"grey": (0.3, 0.3, 0.3), "red": (0.6, 0.1, 0.1), "rust-felt": (0.4, 0.25, 0.2)}
+    fits = matt_fits(tmp_path / "fits.npz", **colours)
     told = EvaluateMaterials(
         merl=fits,
         protocol=["separated", "white"],
@@ -46,20 +47,24 @@ def test_materials_are_reported_apart_by_what_the_baseline_cannot_know(tmp_path:
     found = errors([row for row in told.rows if row["model"] == "lambertian"], "material", "protocol")
     assert found["grey", "separated"] == pytest.approx(found["grey", "white"], abs=1e-3)
     assert found["red", "white"] == pytest.approx(found["grey", "white"], abs=0.3)
-    assert 3 * found["grey", "separated"] < found["rust", "separated"] < found["red", "separated"]
+    assert 3 * found["grey", "separated"] < found["rust-felt", "separated"] < found["red", "separated"]
     page = (tmp_path / "report.html").read_text(encoding="utf-8")
     assert page.count("<svg") == 2 and page.count("<img") == 6
     # The curve of the baseline rises: it is what the materials are sorted by.
     first = page[page.index("<svg") : page.index("</svg>")]
     titles = [part.partition(":")[0] for part in first.split("<title>")[1:]]
-    assert titles[:3] == ["grey", "rust", "red"]
-    separated = next(line.split() for line in told.text.splitlines() if line.startswith("separated  lambertian "))
-    mean, held_out, _, largest, worst = separated[2:]
-    own = [found[name, "separated"] for name in ("grey", "red", "rust")]
+    assert titles[:3] == ["grey", "rust-felt", "red"]
+    separated, by_class = (
+        line.split()[2:] for line in told.text.splitlines() if line.startswith("separated  lambertian ")
+    )
+    mean, held_out, _, largest, worst = separated
+    own = [found[name, "separated"] for name in colours]
     assert [float(value) for value in (mean, held_out, largest)] == pytest.approx(
         [np.mean(own), own[0], own[1]], abs=0.01
     )
     assert worst == "red"
+    # Grey and red have no class, rust is a fabric.
+    assert [float(value) for value in by_class] == pytest.approx([np.mean(own[:2]), own[2], np.mean(own)], abs=0.01)
 
 
 def test_meshes_are_shown_upright_from_around_in_one_and_in_several_materials(tmp_path: Path) -> None:

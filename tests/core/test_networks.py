@@ -191,6 +191,16 @@ def test_a_default_that_trusts_the_formula_alone_is_equation_2() -> None:
     assert degrees_between(found[:, capture.mask].T, expected[:, capture.mask].T).max() < 0.1
 
 
+def test_frozen_norms_answer_in_training_as_they_do_afterwards() -> None:
+    network = small("multiscale").double()
+    inputs = [values.double() for values in inputs_of(network, 32)]
+    expected = network(*inputs).normals
+    network.train()
+    for norm in (module for module in network.modules() if isinstance(module, nn.BatchNorm2d)):
+        norm.eval()
+    assert float((network(*inputs).normals - expected).detach().abs().max()) < 1e-5
+
+
 def test_the_default_measures_the_surface_s_colour_by_its_own_normals() -> None:
     """Where these are true, equation 2 without the colour that it measures is the truth, and with it far from that."""
     network, sphere = without_answer(), shaded_sphere(96, albedo=(0.9, 0.5, 0.3))

@@ -7,7 +7,7 @@ from typing import Literal
 import numpy as np
 
 from mpsnet_core.estimate.registry import LAMBERTIAN
-from mpsnet_core.io.text_table import mean_cell, text_table
+from mpsnet_core.io.text_table import mean_cell, table_of_means, text_table
 from mpsnet_core.learning.evaluation.evaluation import Evaluation
 from mpsnet_core.learning.evaluation.measure import Case, Row
 from mpsnet_core.learning.evaluation.operations import EvaluateMaterials
@@ -18,6 +18,18 @@ from mpsnet_core.synthesis.sample import Sample
 from mpsnet_core.synthesis.scene_description import Material
 from mpsnet_core.synthesis.scene_sampling import HELD_OUT
 from mpsnet_core.synthesis.shading.synthesise import synthesise
+
+# Classes of materials by words in their names; the first that fits counts.
+CLASSES = {
+    "metallic paint": ("metallic-paint", "gold-paint", "silver-paint", "pearl-paint", "color-changing"),
+    "paint": ("paint",),
+    "fabric": ("fabric", "felt", "satin"),
+    "wood": ("cherry-", "maple-", "fruitwood-", "pine-", "natural-", "oak-", "walnut-"),
+    "metal": ("bronze", "aluminium", "brass", "chrome", "steel", "ss4", "nickel", "hematite", "two-layer", "tungsten"),
+    "plastic": ("plastic", "phenolic", "acrylic", "nylon", "delrin", "polyethylene", "pvc", "teflon", "bball"),
+    "rubber": ("rubber", "latex", "foam"),
+    "other": ("",),
+}
 
 
 class Materials(Evaluation):
@@ -41,7 +53,7 @@ class Materials(Evaluation):
         ]
 
     def table(self, rows: Sequence[Row]) -> str:
-        """Mean, held-out mean, median and largest error per model, and the material with the largest."""
+        """Mean, held-out mean, median and largest error with its material, and the mean by class, per model."""
         lines = []
         for protocol, models in _by_material(rows).items():
             for model, errors in models.items():
@@ -49,7 +61,12 @@ class Materials(Evaluation):
                 held_out = mean_cell([error for material, error in errors.items() if material in self._held_out])
                 others = [f"{value:.2f}" for value in (np.median([*errors.values()]), errors[worst])]
                 lines.append([protocol, model, mean_cell([*errors.values()]), held_out, *others, worst])
-        return text_table(["protocol", "model", "mean", "held-out", "median", "largest", "with"], lines, 2)
+        by_class = table_of_means(
+            ["protocol", "model"],
+            ((row.line("protocol", "model"), material_class(*row.line("material")), row.mae_deg) for row in rows),
+        )
+        summary = text_table(["protocol", "model", "mean", "held-out", "median", "largest", "with"], lines, 2)
+        return f"{summary}\n\nmean error by class of material\n{by_class}"
 
     def charts(self, rows: Sequence[Row]) -> list[str]:
         """Charts like figure 5, one per protocol: the error per material, sorted by the baseline's."""
@@ -87,6 +104,11 @@ def _by_material(rows: Sequence[Row]) -> dict[str, dict[str, dict[str, float]]]:
         }
         for protocol, models in found.items()
     }
+
+
+def material_class(name: str) -> str:
+    """The class of :data:`CLASSES` that a material's name tells."""
+    return next(title for title, words in CLASSES.items() if any(word in name for word in words))
 
 
 def _title(name: str) -> str:

@@ -27,12 +27,13 @@ def angle_between(a: Tensor, b: Tensor) -> Tensor:
     Computed by the tangent of the half angle (Kahan): accurate for small angles, and with a finite gradient where the
     vectors are equal, unlike the arc cosine.
     """
-    difference, total = a - b, a + b
-    return 2 * torch.atan2(_length(difference), _length(total))
+    # Squared lengths of the difference and of the sum, which make up four.
+    difference = _squared_length(a - b)
+    return 2 * torch.atan2(torch.sqrt(difference + 1e-12), torch.sqrt((4 - difference).clamp(min=0) + 1e-12))
 
 
-def _length(vectors: Tensor) -> Tensor:
-    return torch.sqrt((vectors * vectors).sum(dim=1) + 1e-12)
+def _squared_length(vectors: Tensor) -> Tensor:
+    return (vectors * vectors).sum(dim=1)
 
 
 # Auxiliary losses of networks with equation 2 inside.
@@ -75,7 +76,7 @@ def _auxiliary_loss(intermediate: IntermediateOutputs, truth: Tensor, lit: Tenso
     """(N, H, W) auxiliary loss of each pixel, for networks with equation 2 inside."""
     entropy = functional.binary_cross_entropy_with_logits
     off, own = angle_between(intermediate.formula, truth), angle_between(intermediate.own, truth).detach()
-    reached = (lit > 0.5).all(dim=1)
+    reached = lit.amin(dim=1) > 0.5
     better = (off < own).float()
     return (
         LIT_WEIGHT * entropy(intermediate.lit, lit, reduction="none").mean(dim=1)
@@ -89,6 +90,6 @@ def _gradient_length(values: Tensor, weights: Tensor) -> Tensor:
     total, count = torch.zeros((), device=values.device), torch.zeros((), device=values.device)
     for axis in (1, 2):
         both = weights.narrow(axis, 1, weights.shape[axis] - 1) * weights.narrow(axis, 0, weights.shape[axis] - 1)
-        total = total + (_length(values.diff(dim=axis + 1)) * both).sum()
+        total = total + (torch.sqrt(_squared_length(values.diff(dim=axis + 1)) + 1e-12) * both).sum()
         count = count + both.sum()
     return total / count.clamp(min=1)

@@ -34,6 +34,7 @@ COARSEST = (64.0, 128.0)  # pixels of the object's longer side on the first scal
 # How many scales follow the first one.
 FINER_SHARES = (0.1, 0.4, 0.25, 0.15, 0.1)
 NEAREST_SHARE = 0.7  # of the frames are among the two in which the first light stands most nearly straight up
+FITTED = 2000  # pixels that a white photo is fitted to
 MIN_COVERED = 0.02  # share of a coarse pixel that the mask must cover for it to count
 # Planes of an arranged sample; those of the white photo follow where there is one.
 PHOTO, NORMALS, LIT, MASK, WHITE = slice(0, 3), slice(3, 6), slice(6, 9), slice(9, 10), slice(10, 13)
@@ -453,7 +454,9 @@ def _unclipped(white: Tensor, bits: Tensor) -> Tensor:
 
 def _fit_white_photo(photo: Tensor, white: Tensor, draw: CaptureDraw) -> WhitePhoto | None:
     """From pixels (3, N) of an example's two photos; the lights count as equally bright in the white one."""
-    return WhitePhoto.fit(photo.T.cpu().numpy(), white.T.cpu().numpy(), draw.known_mixing, np.ones(3))
+    sample = slice(None, None, 1 + photo.shape[1] // FITTED)
+    photo_pixels, white_pixels = (values[:, sample].T.cpu().numpy() for values in (photo, white))
+    return WhitePhoto.fit(photo_pixels, white_pixels, draw.known_mixing, np.ones(3))
 
 
 def _normalise_by_white_photo(

@@ -41,7 +41,7 @@ from mpsnet_core.learning.training.networks.network import (
 DARKEST = 0.03
 SEEN = 18  # feature maps computed from the inputs
 FINE_MAPS, JOINED = 8, 16
-ANSWER = 9  # normals, expected error, gains, weight of the formula, share of the local colour
+ANSWER = [3, 1, 3, 1, 1]  # normals, expected error, gains, weight of the formula, share of the local colour
 MAX_GAIN = 2.0  # limit of the log gains
 RIG = 15  # light directions, channel means, flags: coarser scale available, white photo, exact rig
 CELL = 4  # factor of both steps of averaging: pixels to measure the local colour on, then cells to smooth it over
@@ -76,10 +76,8 @@ class Multiscale(Network):
         self.up3 = _Up(eighth, quarter)
         self.up2 = _Up(quarter, half)
         self.fine = nn.Sequential(convolution(half, 4 * FINE_MAPS, 1), nn.PixelShuffle(2))
-        self.joined = nn.Sequential(
-            convolution(FINE_MAPS + SEEN, JOINED, bias=False), nn.BatchNorm2d(JOINED), nn.ReLU()
-        )
-        self.answer = convolution(JOINED, ANSWER)
+        self.joined = _Normed(convolution(FINE_MAPS + SEEN, JOINED, bias=False), nn.BatchNorm2d(JOINED), nn.ReLU())
+        self.answer = convolution(JOINED, sum(ANSWER))
         self.lit = convolution(JOINED, 3, 1)
         with torch.no_grad():
             self.answer.get_parameter("bias")[3] = -2.0  # softplus makes it 7 degrees, a good initial expected error
@@ -105,24 +103,27 @@ class Multiscale(Network):
             mask,
             previous,
         ]
-        # The fastest memory layouts: pixel by pixel for convolutions, plane by plane for the formulas before and after.
-        seen = torch.cat(features, dim=1).contiguous(memory_format=torch.channels_last)
         rig_maps = self.rig(rig)
+        # The fastest memory layouts: pixel by pixel for convolutions, plane by plane for the formulas before and after.
+        # Once in the convolutions' precision, which is that of the first one's output.
+        seen = torch.cat(features, dim=1).to(rig_maps.dtype, memory_format=torch.channels_last)
         scale2 = self.down1(seen, rig_maps)
         scale4 = self.down2(scale2, rig_maps)
         scale8 = self.down3(scale4, rig_maps)
         scale16 = self.bottom(self.down4(scale8, rig_maps))
         maps = self.up2(self.up3(self.up4(scale16, scale8), scale4), scale2)
         fine = self.fine(maps)
-        maps = self.joined(torch.cat([fine, seen.to(fine.dtype)], dim=1))
-        answer = self.answer(maps).float().contiguous()
+        maps = self.joined(torch.cat([fine, seen], dim=1))
+        answer = self.answer(maps)
+        # Split, not sliced: the gradient of each slice would be a tensor of all maps.
+        change, error, log_gains, trust, share = torch.split(answer.float().contiguous(), ANSWER, dim=1)
         start = previous[:, 0:3] * has_previous + grey_world * (1 - has_previous)
-        normals = unit(start + answer[:, 0:3])
-        expected = _softplus(answer[:, 3:4])
+        normals = unit(start + change)
+        expected = _softplus(error)
         found = torch.cat([normals, expected], dim=1).detach() * mask
         colour = _local_colour(photo, mask, found, lights)
-        gains = MAX_GAIN * torch.tanh(answer[:, 4:7]) - torch.sigmoid(answer[:, 8:9]) * colour
-        formula, trust = unit(apply_matrix(solve, photo * torch.exp(gains))), answer[:, 7:8]
+        gains = MAX_GAIN * torch.tanh(log_gains) - torch.sigmoid(share) * colour
+        formula = unit(apply_matrix(solve, photo * torch.exp(gains)))
         mixed = unit(torch.sigmoid(trust) * (formula - normals) + normals)
         intermediate = IntermediateOutputs(self.lit(maps).float(), formula, normals, trust) if self.training else None
         return Prediction(mixed, expected, intermediate)
@@ -156,11 +157,30 @@ def _softplus(values: Tensor) -> Tensor:
     return -torch.log(torch.sigmoid(-values).clamp(min=1e-30))
 
 
+class _Normed(nn.Sequential):
+    """A convolution, its batch norm, and ReLU where it is given.
+
+    In training, a frozen norm is folded into the filters, which saves a pass over the maps, forward and back.
+    """
+
+    def forward(self, maps: Tensor) -> Tensor:
+        layer, norm, *rest = self
+        if self.training and not norm.training:
+            assert isinstance(layer, nn.Conv2d) and isinstance(norm, nn.BatchNorm2d)
+            scale = norm.weight * torch.rsqrt(norm.get_buffer("running_var") + norm.eps)
+            shift = norm.bias - norm.get_buffer("running_mean") * scale
+            maps = layer._conv_forward(maps, layer.weight * scale[:, None, None, None], shift)
+            return functional.relu(maps) if rest else maps
+        for part in self:
+            maps = part(maps)
+        return maps
+
+
 class _Residual(nn.Module):
     def __init__(self, maps: int) -> None:
         super().__init__()
-        self.first = nn.Sequential(convolution(maps, maps, bias=False), nn.BatchNorm2d(maps), nn.ReLU())
-        self.second = nn.Sequential(convolution(maps, maps, bias=False), nn.BatchNorm2d(maps))
+        self.first = _Normed(convolution(maps, maps, bias=False), nn.BatchNorm2d(maps), nn.ReLU())
+        self.second = _Normed(convolution(maps, maps, bias=False), nn.BatchNorm2d(maps))
 
     def forward(self, maps: Tensor) -> Tensor:
         return functional.relu(maps + self.second(self.first(maps)))
@@ -171,7 +191,7 @@ class _Down(nn.Module):
 
     def __init__(self, channels: int, maps: int, side: int = 2, residual: bool = True) -> None:
         super().__init__()
-        self.shrink = nn.Sequential(
+        self.shrink = _Normed(
             convolution(channels, maps, side, stride=2, padding=side // 2 - 1, bias=False), nn.BatchNorm2d(maps)
         )
         self.told = convolution(64, 2 * maps, 1)  # scale and shift from the rig; the name is part of checkpoints
