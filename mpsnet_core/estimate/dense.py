@@ -35,6 +35,10 @@ Window = tuple[slice, slice]
 COARSEST = 128
 # Images of up to this many pixels a side are magnified if the card says so.
 SMALL = 256
+# On a finest scale of more pixels a side, one pass of three or more is left out: coarser scales have averaged them.
+LARGE = 448
+# Scales of more pixels are interpolated where only the surface's colours are wanted.
+FINE = 1 << 22
 RIGHT_ANGLE = np.float32(np.pi / 2)
 # Pixels of a large photo that are read at a time to make a coarse scale.
 READ_AT_ONCE = 1 << 20
@@ -46,12 +50,17 @@ class NetworkRunner(Protocol):
     def __call__(self, inputs: dict[str, F32], count: int, *size: int) -> tuple[F32, F32]: ...
 
 
-def predict_dense(network: NetworkRunner, card: ModelCard, capture: Capture, tile: int, progress: Progress) -> Floats:
+def predict_dense(
+    network: NetworkRunner, card: ModelCard, capture: Capture, tile: int, progress: Progress, *, rough: bool = False
+) -> Floats:
     """(H, W, 4) normals of `capture`, not normalised, and their confidence; zero outside the mask.
 
     A pyramid's first scale shows the whole object on at most 128 pixels a side. Each further scale has twice the
     resolution, and the network sees its own output on the previous scale. A pixel of a coarse scale is the mean of its
-    photo pixels inside the mask. Several passes are averaged on every scale.
+    photo pixels inside the mask. Several passes are averaged on every scale; a large finest scale leaves out the first
+    of three or more.
+
+    rough: whether to interpolate the scales of more than 4 megapixels.
 
     If the card says to magnify, the finest scale of at most 256 pixels a side is magnified and estimated by a pyramid
     of its own: a small photo has too few scales.
@@ -74,6 +83,8 @@ def predict_dense(network: NetworkRunner, card: ModelCard, capture: Capture, til
             output[photo.box] = previous
     for halving in range(halvings, -1, -1):
         shape = photo.shape(halving)
+        spare = halving == 0 and previous is not None and len(frames) > 2 and max(shape) > LARGE
+        chosen = [] if rough and previous is not None and shape[0] * shape[1] > FINE else frames[spare:]
         result = output[photo.box] if halving == 0 else np.zeros((*shape, 4), storage_type(shape))
         work = list(_tiles(shape, tile, card.multiple, card.halo))
         for number, (window, place) in enumerate(work):
@@ -83,8 +94,10 @@ def predict_dense(network: NetworkRunner, card: ModelCard, capture: Capture, til
             progress(_share_done(halving, halvings, number / len(work)), f"tile {number + 1} of {len(work)}")
             if photo.holds_object(place, halving):
                 inner, crop = _relative_to_window(place, window), photo.crop(window, halving, previous)
-                for frame in frames:
-                    result[place] += _predict_tile(network, card, crop, frame)[inner] / np.float32(len(frames))
+                for frame in chosen:
+                    result[place] += _predict_tile(network, card, crop, frame)[inner] / np.float32(len(chosen))
+                if not chosen and crop.previous is not None:
+                    result[place] = _as_output(crop.previous)[inner] * crop.mask[inner][..., None]
         previous = result
     return output
 
@@ -198,6 +211,11 @@ def _previous(output: Floats, window: Window) -> F32:
     values: F32 = np.divide(part[..., :4], np.maximum(part[..., 4:], np.float32(1e-3)))
     values[..., :3] = normalised(values[..., :3])
     return values
+
+
+def _as_output(previous: F32) -> F32:
+    """The map "previous" (h, w, 4) as an output: with its confidence in place of the expected error."""
+    return np.concatenate([previous[..., :3], 1 - previous[..., 3:] / RIGHT_ANGLE], axis=-1)
 
 
 def _window_on_previous_scale(window: Window, output: Floats) -> Window:

@@ -205,15 +205,18 @@ class OnnxModel:
         self.record = record_from_metadata(metadata)
         self._outputs = [node.name for node in self.session.get_outputs()]
 
-    def __call__(self, capture: Capture, progress: Progress = silent, *, passes: int | None = None) -> NormalMap:
+    def __call__(
+        self, capture: Capture, progress: Progress = silent, *, passes: int | None = None, rough: bool = False
+    ) -> NormalMap:
         """Normals of `capture` in camera space. Confidence is 1 inside the mask unless the network outputs it.
 
-        passes: replaces the number on the card of dense networks.
+        passes: replaces the number on the card of dense networks. rough: as in
+        :func:`mpsnet_core.estimate.dense.predict_dense`.
         """
         card = self.card if passes is None else replace(self.card, passes=passes)
         seen = convert_to_distant_view(capture)
         if self.card.kind != "patch":
-            answer = predict_dense(self._run, card, seen, self.tile, progress)
+            answer = predict_dense(self._run, card, seen, self.tile, progress, rough=rough)
         else:
             answer = predict_patches(self._run, self.card, seen, progress)
         if not any(answer[rows, :, :3].any() for rows in bands(len(answer))):

@@ -106,6 +106,16 @@ def capture(side: int, rig: LightRig) -> Capture:
     return Capture(random.random((side, side, 3), np.float32) + 0.1, np.ones((side, side), bool), rig)
 
 
+def painted(colours: int) -> Capture:
+    """A matt sphere under the published rig, in squares of so many paints."""
+    rows, columns = np.mgrid[:SIDE, :SIDE]
+    x, y = 2 * (columns + 0.5) / SIDE - 1, 1 - 2 * (rows + 0.5) / SIDE
+    mask, paints = x**2 + y**2 < 0.99, np.random.default_rng(3).uniform(0.05, 0.8, (colours, 3))
+    normals = np.stack([x, y, np.sqrt(np.maximum(1 - x**2 - y**2, 0))], axis=-1)
+    light = np.maximum(normals @ published_rig().directions.T, 0)
+    return Capture(paints[(rows // 40 + 2 * (columns // 40)) % colours] * light, mask, published_rig())
+
+
 def peak_memory(side: int, model: Path, rig: LightRig, folder: Path) -> float:
     """Megabytes (10^6 bytes) that `mpsnet estimate` takes at most."""
     write_image(folder / "large.png", capture(side, rig).image)
@@ -153,6 +163,11 @@ def main() -> None:
             "network alone": (alone(ours), 1),
             "matrix product": (matrix_product(), 1),
         }
+        still = Estimator(ours, threads=THREADS, passes=3)
+        for colours in (1, 5):
+            photo = painted(colours)
+            cases[f"sphere of {colours} paints, one pass"] = (partial(models["default"], photo), 1)
+            cases[f"sphere of {colours} paints, all passes"] = (partial(still, photo), 1)
         seconds: dict[str, list[float]] = {name: [] for name in cases}
         for _ in range(arguments.rounds):
             for name, (work, factor) in cases.items():
@@ -162,6 +177,10 @@ def main() -> None:
         for name, times in seconds.items():
             ratio = statistics.median(t / d for t, d in zip(times, seconds["default"], strict=True))
             print(f"{name:32} {ratio:9.2f} times the default (median {statistics.median(times):.3f} s)")
+        for colours in (1, 5):
+            one, all_passes = (seconds[f"sphere of {colours} paints, {name}"] for name in ("one pass", "all passes"))
+            ratio = statistics.median(a / o for a, o in zip(all_passes, one, strict=True))
+            print(f"a still of {colours} paints takes {ratio:.2f} times one pass")
         done = multiply_adds(ours, SIDE)
         share = statistics.median(
             (done / net) / (1024**3 / product)

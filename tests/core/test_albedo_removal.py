@@ -10,6 +10,7 @@ from synthetic import degrees_between
 
 from mpsnet_core import Capture, NormalMap, published_rig
 from mpsnet_core.arrays.unit_vectors import normalised
+from mpsnet_core.estimate import dense
 from mpsnet_core.estimate.albedo_removal.chromaticity import divide_out_chromaticity_albedo
 from mpsnet_core.estimate.albedo_removal.clusters import divide_out_clustered_albedo
 from mpsnet_core.estimate.albedo_removal.second_estimate import blend_by_confidence
@@ -99,9 +100,11 @@ def test_black_around_the_object_does_not_count() -> None:
     np.testing.assert_allclose(found.image[painted.lit], expected.image[painted.lit], rtol=0.2, atol=0.01)
 
 
-@pytest.mark.parametrize("white", [False, True])
-def test_a_still_of_a_painted_surface_gains_by_it(white: bool) -> None:
-    painted = Painted(narrow=not white)
+@pytest.mark.parametrize(("white", "size", "share"), [(False, 96, 0.85), (True, 96, 0.85), (False, 520, 0.55)])
+def test_a_still_of_a_painted_surface_gains_by_it(monkeypatch, white: bool, size: int, share: float) -> None:
+    """Of 520 pixels a side, most are near edges: 0.61 if the finest scale is estimated once, and sees the paints."""
+    monkeypatch.setattr(dense, "FINE", 300**2)
+    painted = Painted(size=size, narrow=not white)
     capture = painted.capture if white else replace(painted.capture, white=None)
     network = find_network("multiscale")
     once = OnnxModel(network.path, passes=3)(normalise_by_white_photo(capture))
@@ -110,7 +113,7 @@ def test_a_still_of_a_painted_surface_gains_by_it(white: bool) -> None:
     def error(estimate: NormalMap) -> float:
         return float(degrees_between(estimate.vectors, painted.sphere.normals)[painted.sphere.mask].mean())
 
-    assert error(twice) < 0.85 * error(once)
+    assert error(twice) < share * error(once)
 
 
 def test_each_pixel_takes_the_estimate_that_expects_less_error() -> None:

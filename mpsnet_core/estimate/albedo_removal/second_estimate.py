@@ -45,7 +45,7 @@ def estimate_with_albedo_removed(network: OnnxModel, photo: Capture, grey: Captu
     one_colour = divide_out_clustered_albedo(grey, first)
     if one_colour is None:
         return first
-    second = network(one_colour, _run_progress("second estimate", progress, 0.4, 0.6), passes=1)
+    second = network(one_colour, _run_progress("second estimate", progress, 0.4, 0.6), passes=1, rough=True)
     better = blend_by_confidence(first, second)
     del one_colour, second
     one_colour = divide_out_clustered_albedo(grey, better)
