@@ -111,12 +111,12 @@ def dilated(mask: Bools, pixels: int) -> Bools:
 
 def box_sums(values: Floats, reach: int) -> F64:
     """(H, W) sums over the square of 2 reach + 1 pixels around each pixel, zero beyond the edges."""
-    sums = values.astype(np.float64)
-    width = 2 * reach + 1
-    for axis in (0, 1):
-        total = np.cumsum(np.pad(sums, [(reach + 1, reach) if a == axis else (0, 0) for a in (0, 1)]), axis=axis)
-        sums = total[width:] - total[:-width] if axis == 0 else total[:, width:] - total[:, :-width]
-    return sums
+    (height, width), side = values.shape, 2 * reach + 1
+    padded = np.zeros((height + side, width + side))
+    padded[reach + 1 : reach + 1 + height, reach + 1 : reach + 1 + width] = values
+    down = np.cumsum(padded, axis=0)
+    across = np.cumsum(down[side:] - down[:-side], axis=1)
+    return across[:, side:] - across[:, :-side]
 
 
 def eroded(mask: Bools, pixels: int) -> Bools:

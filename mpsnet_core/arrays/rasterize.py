@@ -1,6 +1,10 @@
 """Rasterising triangles to texels; dilating textures past the borders of UV islands."""
 
+from collections.abc import Iterator
+from typing import Any
+
 import numpy as np
+from numpy.typing import NDArray
 
 from mpsnet_core.arrays.row_bands import ROWS, bands, on_all_cores
 from mpsnet_core.arrays.types import F32, F64, I32, I64, Bools, Floats
@@ -91,15 +95,16 @@ class Raster:
 def _fill(owner: I32, triangle: I64, first: I64, count: I64) -> None:
     """Write triangles, (N,) ascending, to their spans of `count` texels from `first` on, where `owner` is still -1."""
     while len(triangle):
-        if count.sum() > np.count_nonzero(owner < 0):  # some overlap, and may be hidden entirely
+        unowned = np.count_nonzero(owner < 0)
+        if count.sum() > unowned:  # some overlap, and may be hidden entirely
             free = np.concatenate([[0], np.cumsum(owner < 0, dtype=np.int32)])
             visible = free[first + count] > free[first]
             triangle, first, count = triangle[visible], first[visible], count[visible]
         begin = _last_few(count)
         texel = _counted(first[begin:], count[begin:])
         new = np.repeat(triangle[begin:].astype(np.int32), count[begin:])
-        free = np.flatnonzero(owner.take(texel) < 0)
-        if len(free) < len(texel):
+        if unowned < len(owner):
+            free = np.flatnonzero(owner.take(texel) < 0)
             texel, new = texel.take(free), new.take(free)
         owner[texel] = new  # the last of several is written last
         triangle, first, count = triangle[:begin], first[:begin], count[:begin]
@@ -128,43 +133,40 @@ def extend_to_nearest(values: F32, filled: Bools, distance: int, *, in_place: bo
 
     def extend(rows: slice) -> None:
         top, bottom = max(rows.start - distance, 0), min(rows.stop + distance, height)
-        texel, source, row = _nearest(filled[top:bottom], distance)
-        own = np.flatnonzero((row >= rows.start - top) & (row < rows.stop - top))
-        texel, source = (number.take(own) + top * width for number in (texel, source))
-        # Only filled texels are read, and only others are written: bands are independent.
-        flat[texel] = flat.take(source, axis=0)
+        for texel, source in _nearest(filled[top:bottom], distance, top * width):
+            own = np.flatnonzero((texel >= rows.start * width) & (texel < rows.stop * width))
+            # Only filled texels are read, and only others are written: bands are independent.
+            put_rows(flat, texel.take(own), flat.take(source.take(own), axis=0))
 
     on_all_cores(extend, bands(height, max(ROWS, 4 * distance)))
     return out
 
 
-def _nearest(filled: Bools, distance: int) -> tuple[I64, I64, I64]:
-    """Flat indices of the texels within `distance` of the filled ones, the filled texel nearest to each, and the row of
-    each."""
+def _nearest(filled: Bools, distance: int, first: int) -> Iterator[tuple[I64, I64]]:
+    """Flat indices, from `first` on, of the texels that are 1, 2, ... `distance` away from the filled ones, and of the
+    filled texel nearest to each."""
     # A border that counts as done keeps steps within the texture.
     done = np.pad(filled, 1, constant_values=True)
     stride = done.shape[1]
     across = done[:, :-2] & done[:, 1:-1] & done[:, 2:]
     surrounded = across[:-2] & across[1:-1] & across[2:]
-    front = np.flatnonzero(np.pad(filled & ~surrounded, 1))
-    source = front  # the filled texel nearest to each texel of the front
-    flat = done.ravel()
-    reached, origins = [front[:0]], [front[:0]]
+    flat, rim = done.ravel(), filled & ~surrounded
+    # Of each texel of the front, the place in `flat`, and the filled texel nearest to it.
+    front, source = np.flatnonzero(np.pad(rim, 1)), np.flatnonzero(rim) + first
     for _ in range(distance):
         ahead, sources = [], []
         for step in (-stride, stride, -1, 1, -stride - 1, -stride + 1, stride - 1, stride + 1):
-            next_texels = front + step
-            new = np.flatnonzero(~flat.take(next_texels))
-            next_texels = next_texels.take(new)
-            flat[next_texels] = True
-            ahead.append(next_texels)
+            new = np.flatnonzero(~flat.take(front + step))
+            ahead.append(front.take(new) + step)
             sources.append(source.take(new))
+            flat[ahead[-1]] = True
         front, source = np.concatenate(ahead), np.concatenate(sources)
         if not len(front):
             break
-        reached.append(front)
-        origins.append(source)
-    texel, source = np.concatenate(reached), np.concatenate(origins)
-    row, from_row = texel // stride, source // stride
-    # Convert to indices without the border.
-    return texel - 2 * row - (stride - 1), source - 2 * from_row - (stride - 1), row - 1
+        yield front - 2 * (front.astype(np.int32) // np.int32(stride)) + (first + 1 - stride), source
+
+
+def put_rows(out: NDArray[Any], places: I64, rows: NDArray[Any]) -> None:
+    """``out[places] = rows`` for a contiguous array (M, K) and rows (N, K), in a fifth of the time."""
+    row = np.dtype((np.void, out.itemsize * out.shape[1]))
+    np.put(out.view(row), places, np.ascontiguousarray(rows, out.dtype).view(row))

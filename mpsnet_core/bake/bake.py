@@ -8,7 +8,7 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from mpsnet_core.arrays.rasterize import Raster, TextureSize, texel_areas, width_and_height
+from mpsnet_core.arrays.rasterize import Raster, TextureSize, put_rows, texel_areas, width_and_height
 from mpsnet_core.arrays.resampling import push_pull
 from mpsnet_core.arrays.row_bands import bands, on_all_cores
 from mpsnet_core.arrays.types import F32, F64, I32, I64, Bools
@@ -325,7 +325,7 @@ class _Bake:
                 here = points.rows(band)
                 np.greater_equal(laid, 0, out=here.covered)
                 for surface, triangle, texels in under.patches(laid, under.may_show):
-                    row = texels // width
+                    row = texels.astype(np.int32) // np.int32(width)
                     column = texels - row * width
                     place = surface.place(triangle, column, row + (rows.start + band.start))
                     if first:
@@ -370,16 +370,14 @@ class _Bake:
         # In tangent space the surface's own normal is +z and need not be computed.
         some = np.flatnonzero(sums.views) if self.baking.space == "tangent" else np.arange(len(texels))
         doubt = 1.0 if self.projectors.feather > 0 else min(1.0, (self.projectors.expected_error / DOUBT) ** 2)
-        fade = np.float32(FADE * doubt)
-        mean = np.stack([sums.sums[:, axis].take(some) + normal[axis].take(some) * fade for axis in range(3)])
-        vectors, first = points.vectors.reshape(-1), 3 * texels.take(some)
+        mean = normal.take(some, axis=1) * np.float32(FADE * doubt)
+        mean += sums.sums.take(some, axis=0)[:, :3].T
         encoded = surface.encoded(place.some(some), mean, self.baking.space, self.baking.strength)
         if self.baking.space == "tangent":  # which cannot hold what points behind the shading normal's plane
             behind = np.flatnonzero(encoded[2] <= 0)
             encoded[:, behind] = np.array([[0], [0], [1]], np.float32)
             points.views.ravel()[texels.take(some.take(behind))] = 0
-        for axis, values in enumerate(encoded):
-            vectors[first + axis] = values
+        put_rows(points.vectors.reshape(-1, 3), texels.take(some), encoded.T)
         if len(self.projectors.views) > 1:
             points.spread.ravel()[texels.take(some)] = sums.spread().take(some)
         if points.colours is not None:
@@ -407,7 +405,7 @@ class _RasterisedSurfaces:
 
         laid: (R, C) triangle numbers, rows of the raster. chosen: (T + 1,) which triangles, as `may_show`.
         """
-        texels = np.flatnonzero(laid >= 0 if chosen is None else chosen[laid])
+        texels = np.flatnonzero(laid >= 0 if chosen is None else chosen.take(laid))
         triangle = self.order.take(laid.ravel().take(texels))
         if len(self.surfaces) == 1:
             yield self.surfaces[0], triangle, texels

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from mpsnet_core.arrays.rasterize import put_rows
 from mpsnet_core.arrays.resampling import chosen_pixels, upsampled
 from mpsnet_core.arrays.row_bands import bands, on_all_cores
 from mpsnet_core.arrays.sizes import SAME_SIZE, check_same_size, size
@@ -350,7 +351,7 @@ class ViewAccumulator:
         x, y, z = samples[:, 0], samples[:, 1], samples[:, 2]
         samples[:, 3] = np.sqrt(x * x + y * y + z * z)
         samples += self.sums.take(seen, axis=0)
-        self.sums[seen] = samples
+        put_rows(self.sums, seen, samples)
         self.views[seen] = self.views.take(seen) + np.uint16(1)
 
     def spread(self) -> F32:

@@ -151,8 +151,7 @@ def test_coarse_answers_arrive_in_place(tmp_path, tilts: tuple[float, ...], pass
     rig = LightRig(direction_from_angles([30.0, 30.0, 30.0], tilts))
     mask = np.pad(np.ones((150, 210), bool), [(1, 0), (1, 0)])
     capture = Capture(normals @ rig.directions.T, mask, rig)
-    model = hands_on(tmp_path / "n.onnx", passes=passes, magnified=magnified)
-    found = estimate_normals(capture, model, tile=tile)
+    found = OnnxModel(hands_on(tmp_path / "n.onnx", passes=passes, magnified=magnified), tile=tile)(capture)
     expected = normals / np.linalg.norm(normals, axis=-1, keepdims=True)
     # At the edge of the object bilinear interpolation has nothing to go on.
     inner = slice(7, -6), slice(7, -6)

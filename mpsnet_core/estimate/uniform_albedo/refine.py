@@ -135,9 +135,9 @@ def find_uniform_albedo(light: Floats, lights: F64, normals: Floats, expected_er
 def _weighed(parts: Floats, gains: F64, normals: Floats, nearby: Floats, spread: float) -> tuple[F64, F64, F64]:
     """Length (N,) and direction (N, 3) of equation 2's vectors, and the pixels' weights (N,)."""
     vectors = np.einsum("k,nki->ni", gains, parts)
-    length = np.linalg.norm(vectors, axis=-1)
+    length = _length(vectors)
     vectors /= np.maximum(length, 1e-9)[:, None]
-    off = np.linalg.norm(vectors - normals, axis=-1) / nearby
+    off = _length(vectors - normals) / nearby
     return length, vectors, np.exp(-0.5 * (((length - 1) / spread) ** 2 + off**2))
 
 
@@ -401,17 +401,17 @@ def _combined(pixels: _Pixels, place: Bools, albedo: UniformAlbedo, around: int)
     found = list(_hypotheses(pixels, albedo))
     rest = 1 - min(albedo.share, 0.9)
     prior = np.array([1 - rest, *[TWO * rest / 3] * 3, *[ONE * rest / 3] * 3, OTHER * rest], np.float32)
-    prior = np.maximum(prior, MIN_PRIOR)
-    likelihood = np.stack([*(one.likelihood for one in found), np.ones_like(pixels.error)], axis=1)
-    area = np.maximum(box_sums(place.astype(np.float32), around), 1)
+    prior = np.maximum(prior, MIN_PRIOR)[:, None]
+    likelihood = np.stack([*(one.likelihood for one in found), np.ones_like(pixels.error)])
+    area = np.maximum(box_sums(place, around)[place], 1)
     for number in range(ROUNDS):
         probability = prior * likelihood
-        probability /= probability.sum(axis=1, keepdims=True)
+        probability /= probability.sum(axis=0)
         if number < ROUNDS - 1:
             prior = np.maximum(_means_around(probability, place, around, area), MIN_PRIOR)
-    total = pixels.normals * probability[:, -1:]
-    expected = pixels.error * probability[:, -1]
-    for one, share in zip(found, probability.T, strict=False):
+    total = pixels.normals * probability[-1][:, None]
+    expected = pixels.error * probability[-1]
+    for one, share in zip(found, probability, strict=False):
         weight = one.network_error**2 / (one.network_error**2 + one.error**2)
         total += share[:, None] * normalised(pixels.normals + (one.normals - pixels.normals) * weight[:, None])
         expected += share * np.minimum(
@@ -423,15 +423,15 @@ def _combined(pixels: _Pixels, place: Bools, albedo: UniformAlbedo, around: int)
 def _means_around(probability: Floats, place: Bools, around: int, area: F64) -> Floats:
     means = np.empty_like(probability)
     picture = np.zeros(place.shape, np.float32)
-    for number in range(probability.shape[1]):
-        picture[place] = probability[:, number]
-        means[:, number] = (box_sums(picture, around) / area)[place]
+    for mean, one in zip(means, probability, strict=True):
+        picture[place] = one
+        mean[:] = box_sums(picture, around)[place] / area
     return means
 
 
 def _hypotheses(pixels: _Pixels, albedo: UniformAlbedo) -> Iterator[_Hypothesis]:
     """Three lights reach, then two, then one. Likelihoods are relative to light uniform between none and full."""
-    strength = np.linalg.norm(pixels.lights, axis=-1)
+    strength = _length(pixels.lights)
     lights = (pixels.lights / strength[..., None]).astype(np.float32)
     light = (pixels.light * albedo.gains / strength).astype(np.float32)
     error = ERROR_OF_SPREAD * max(albedo.spread, MIN_SPREAD) * max(1.0, (WELL_DETERMINED / albedo.determined) ** 0.5)
@@ -447,7 +447,7 @@ def _all_three(
     light: Floats, lights: Floats, pixels: _Pixels, albedo: UniformAlbedo, error: float, network_error: Floats
 ) -> _Hypothesis:
     vectors = pseudo_normals(light, lights)
-    length = np.linalg.norm(vectors, axis=-1)
+    length = _length(vectors)
     vectors /= np.maximum(length, 1e-6)[:, None]
     spread = max(albedo.spread, MIN_SPREAD)
     volume = np.abs(np.linalg.det(lights))
@@ -475,7 +475,7 @@ def _two(
     across = np.cross(one, two) / sine[..., None]
     # The normal's component in the plane of both lights; its unit length gives the component perpendicular to it.
     plane = ((a - together * b) / sine**2)[:, None] * one + ((b - together * a) / sine**2)[:, None] * two
-    length = np.linalg.norm(plane, axis=-1)
+    length = _length(plane)
     height = np.sqrt(np.maximum(1 - length**2, 0))
     side = np.where(dot(normals, across) >= 0, height, -height)
     vectors = normalised(plane + side[:, None] * across)
@@ -494,7 +494,7 @@ def _one(
     """One light reaches; the others are blocked."""
     towards, cosine = lights[..., number, :], np.clip(light[:, number], 0, 1)
     away = normals - dot(normals, towards)[:, None] * towards
-    away /= np.maximum(np.linalg.norm(away, axis=-1), 1e-6)[:, None]
+    away /= np.maximum(_length(away), 1e-6)[:, None]
     sine = np.sqrt(1 - cosine**2)
     vectors = normalised(cosine[:, None] * towards + sine[:, None] * away)
     steep = np.maximum(sine, MIN_SINE)
@@ -507,8 +507,13 @@ def _one(
     return _Hypothesis(vectors, likelihood, off, network_error, ERROR_LEFT_BY_ONE)
 
 
+def _length(vectors: Floats) -> Floats:
+    """(...) lengths of vectors (..., 3), several times as fast as NumPy's norm."""
+    return np.sqrt(dot(vectors, vectors))
+
+
 def _angle(vectors: Floats, normals: Floats) -> Floats:
-    return 2 * np.arcsin(np.clip(np.linalg.norm(vectors - normals, axis=-1) / 2, 0, 1))
+    return 2 * np.arcsin(np.clip(_length(vectors - normals) / 2, 0, 1))
 
 
 def _gaussian(off: Floats, spread: Floats | float) -> Floats:
