@@ -109,7 +109,7 @@ def dilated(mask: Bools, pixels: int) -> Bools:
     return mask
 
 
-def box_sums(values: Floats, reach: int) -> F64:
+def box_sums(values: Floats | Bools, reach: int) -> F64:
     """(H, W) sums over the square of 2 reach + 1 pixels around each pixel, zero beyond the edges."""
     (height, width), side = values.shape, 2 * reach + 1
     padded = np.zeros((height + side, width + side))

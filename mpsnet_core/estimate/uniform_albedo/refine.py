@@ -509,7 +509,7 @@ def _one(
 
 def _length(vectors: Floats) -> Floats:
     """(...) lengths of vectors (..., 3), several times as fast as NumPy's norm."""
-    return np.sqrt(dot(vectors, vectors))
+    return np.asarray(np.sqrt(dot(vectors, vectors)), vectors.dtype)
 
 
 def _angle(vectors: Floats, normals: Floats) -> Floats:
