@@ -509,11 +509,11 @@ def _one(
 
 def _length(vectors: Floats) -> Floats:
     """(...) lengths of vectors (..., 3), several times as fast as NumPy's norm."""
-    return np.asarray(np.sqrt(dot(vectors, vectors)), vectors.dtype)
+    return np.sqrt(dot(vectors, vectors))
 
 
 def _angle(vectors: Floats, normals: Floats) -> Floats:
-    return 2 * np.arcsin(np.clip(_length(vectors - normals) / 2, 0, 1))
+    return 2.0 * np.arcsin(np.clip(_length(vectors - normals) / 2, 0, 1))
 
 
 def _gaussian(off: Floats, spread: Floats | float) -> Floats:
