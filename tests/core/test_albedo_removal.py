@@ -101,7 +101,9 @@ def test_black_around_the_object_does_not_count() -> None:
 
 
 @pytest.mark.parametrize(("white", "size", "share"), [(False, 96, 0.85), (True, 96, 0.85), (False, 520, 0.55)])
-def test_a_still_of_a_painted_surface_gains_by_it(monkeypatch, white: bool, size: int, share: float) -> None:
+def test_a_still_of_a_painted_surface_gains_by_it(
+    monkeypatch: pytest.MonkeyPatch, white: bool, size: int, share: float
+) -> None:
     """Of 520 pixels a side, most are near edges: 0.61 if the finest scale is estimated once, and sees the paints."""
     monkeypatch.setattr(dense, "FINE", 300**2)
     painted = Painted(size=size, narrow=not white)
