@@ -138,7 +138,10 @@ test_a_bad_training_run_gets_one_clear_sentence = NEEDS_TORCH(
             ("rate beyond reason", lambda b: train(b, learning_rate=3.0), "learning_rate must be from 1e-08 to 1, not"),
             ("unknown option", lambda b: train(b, **{"options.widht": 1}), "'widht'; correct the recipe"),
             (lambda b: train(b, network="mpsnet", patches=4, gradient_weight=0.3), "network mpsnet sees patches, not"),
-            (lambda b: train(b, network="mpsnet", patches=4, hard_share=0.5), "many samples at once; leave out hard_sh"),
+            (
+                lambda b: train(b, network="mpsnet", patches=4, hard_share=0.5),
+                "many samples at once; leave out",
+            ),
             (
                 "a damaged sample",
                 lambda b: (cut(sample_folder(b) / "sample_000000.exr"), train(b, samples=b / "samples")),

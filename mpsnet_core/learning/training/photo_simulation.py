@@ -109,7 +109,7 @@ class PhotoSimulator:
     Attributes
     ----------
     errors : ndarray
-        (samples,) float64. The network's mean angular error on each sample in radians, NaN where it has not seen it yet.
+        (samples,) float64. The network's mean angular error on each sample in radians, NaN where it has not seen it.
     """
 
     def __init__(
