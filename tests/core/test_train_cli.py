@@ -139,6 +139,10 @@ test_a_bad_training_run_gets_one_clear_sentence = NEEDS_TORCH(
             ("unknown option", lambda b: train(b, **{"options.widht": 1}), "'widht'; correct the recipe"),
             (lambda b: train(b, network="mpsnet", patches=4, gradient_weight=0.3), "network mpsnet sees patches, not"),
             (
+                lambda b: train(b, network="mpsnet", patches=4, hard_share=0.5),
+                "many samples at once; leave out",
+            ),
+            (
                 "a damaged sample",
                 lambda b: (cut(sample_folder(b) / "sample_000000.exr"), train(b, samples=b / "samples")),
                 "sample_000000.exr…--skip-damaged",

@@ -1,5 +1,6 @@
 """Checkpoints: everything a run needs to resume as if it had never stopped."""
 
+import math
 import warnings
 import zipfile
 from io import BytesIO
@@ -39,6 +40,8 @@ class Checkpoint(NamedTuple):
     """Fingerprint of the samples."""
     precision: str
     """Precision of the layers."""
+    errors: Tensor
+    """(samples,), or (0,) without a hard share. The network's error on each sample in radians, NaN where unseen."""
     continues: dict[str, Any] | None
     """Training record of the initial network, see :class:`mpsnet_core.learning.training.loop.Trained`."""
 
@@ -73,6 +76,8 @@ def read_checkpoint(path: AnyPath) -> Checkpoint:
             data = torch.load(path, map_location="cpu", weights_only=True) if whole else None
     except DAMAGED:
         data = None
+    if isinstance(data, dict):
+        data.setdefault("errors", torch.empty(0))  # which earlier versions did not write
     if not isinstance(data, dict) or data.pop("format", None) != FORMAT or set(data) != set(_TYPES):
         raise FormatError(f"checkpoint {path} is damaged, or is not a checkpoint of this program; resume from another")
     for name, kind in _TYPES.items():
@@ -80,6 +85,9 @@ def read_checkpoint(path: AnyPath) -> Checkpoint:
             raise FormatError(f"checkpoint {path} is not of this program ({name} has another type); resume another")
     if isinstance(data["step"], bool) or not (0 <= data["step"] < MAX_STEPS and 0 <= data["seconds"] < MAX_STEPS):
         raise FormatError(f"checkpoint {path} is damaged: its steps or seconds are out of range; resume from another")
+    errors = data["errors"]
+    if not (errors.ndim == 1 and (errors.isnan() | (errors >= 0) & (errors <= math.pi)).all()):
+        raise FormatError(f"checkpoint {path} is damaged: its samples' errors are out of range; resume from another")
     try:
         return Checkpoint(**{**data, "recipe": recipe_from_data(data["recipe"])})
     except InputError as error:

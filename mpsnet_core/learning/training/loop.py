@@ -11,6 +11,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any, Literal
 
+import numpy as np
 import torch
 from torch import Tensor, nn
 from torch.utils.tensorboard import SummaryWriter
@@ -206,6 +207,8 @@ def _check_fit(recipe: TrainingConfig, network: Network) -> None:
             raise SettingsError(f"network {recipe.network} does not see patches; leave them out of the recipe")
     elif recipe.gradient_weight:
         raise SettingsError(f"network {recipe.network} sees patches, not gradients; leave out gradient_weight")
+    elif recipe.hard_share:
+        raise SettingsError(f"network {recipe.network} sees patches of many samples at once; leave out hard_share")
     elif not recipe.patches:
         raise SettingsError(f"network {recipe.network} sees patches; say in the recipe how many from each picture")
     elif 0 < recipe.crop < max(2, network.patch):
@@ -242,7 +245,7 @@ class _Run:
         simulator: Callable[..., PhotoSimulator] = partial(PhotoSimulator, model=model, device=device, **views)
         read = partial(PackedSamples, progress=progress, cache=paths.cache, skip_damaged=paths.skip_damaged)
         packed = read(samples)
-        self.simulator = simulator(packed, seed=recipe.seed, window=recipe.crop)
+        self.simulator = simulator(packed, seed=recipe.seed, window=recipe.crop, hard_share=recipe.hard_share)
         self.held_out: PhotoSimulator | None = None
         if validation:
             held_out = read(validation)
@@ -318,6 +321,8 @@ class _Run:
                 raise SettingsError(f"{what} of step {self.step} not finite; lower the learning rate or use float32")
         for optimiser in self.optimisers:
             optimiser.step()
+        if recipe.hard_share:
+            self.simulator.record_errors(scales, loss.angles)
         self.step += 1
         self._update_mean_weights()
         self.whole = True
@@ -355,7 +360,8 @@ class _Run:
         if path is None or not self.whole:
             return
         weights, states = self.network.state_dict(), [optimiser.state_dict() for optimiser in self.optimisers]
-        facts = self.seconds, self.fingerprint, self.precision, self.continues
+        errors = torch.from_numpy(self.simulator.errors.copy()) if self.recipe.hard_share else torch.empty(0)
+        facts = self.seconds, self.fingerprint, self.precision, errors, self.continues
         write_checkpoint(path, Checkpoint(self.recipe, self.step, weights, self.mean_weights, states, *facts))
 
     def trained(self, metrics: Metrics | None) -> Trained:
@@ -390,6 +396,8 @@ class _Run:
                 optimiser.load_state_dict(state)
         except _MISFIT as error:
             raise self._misfit(path, error) from None
+        if found.samples == self.fingerprint and len(found.errors) == len(self.simulator.errors):
+            self.simulator.errors = found.errors.numpy().astype(np.float64)
         self.unproven = path
         self.step, self.seconds, self.continues = found.step, found.seconds, found.continues
 

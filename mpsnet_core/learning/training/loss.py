@@ -19,6 +19,8 @@ class Loss(NamedTuple):
     expected: Tensor
     """Mean squared error of the expected error in radians squared, zero if the network predicts none; for logs, without
     gradients."""
+    angles: Tensor
+    """(N,). Mean angular error of each picture or patch in radians, without gradients."""
 
 
 def angle_between(a: Tensor, b: Tensor) -> Tensor:
@@ -69,7 +71,9 @@ def loss_of(
         total = total + gradient_weight * _gradient_length(prediction.normals - truth, weights)
     if prediction.intermediate is not None and lit is not None:
         total = total + (_auxiliary_loss(prediction.intermediate, truth, lit) * weights).sum() / count
-    return Loss(total, mean.detach(), expected.detach())
+    angles = (angle.detach() * weights).reshape(len(weights), -1).sum(1)
+    angles = angles / weights.reshape(len(weights), -1).sum(1).clamp(min=1)
+    return Loss(total, mean.detach(), expected.detach(), angles)
 
 
 def _auxiliary_loss(intermediate: IntermediateOutputs, truth: Tensor, lit: Tensor) -> Tensor:

@@ -80,7 +80,8 @@ class _Example:
 
 
 class PhotoSimulator:
-    """Draws batches of examples: `batch(step, size)` depends on nothing but the samples, the seed and the step.
+    """Draws batches of examples: `batch(step, size)` depends on nothing but the samples, their errors, the seed and the
+    step.
 
     Parameters
     ----------
@@ -100,8 +101,15 @@ class PhotoSimulator:
         the samples are.
     shuffled : bool
         Whether every epoch has an order of its own.
+    hard_share : float
+        Share of the examples that are drawn in proportion to their samples' errors, not in turn.
     device : torch.device, optional
         Where photographs are made; the CPU unless given.
+
+    Attributes
+    ----------
+    errors : ndarray
+        (samples,) float64. The network's mean angular error on each sample in radians, NaN where it has not seen it.
     """
 
     def __init__(
@@ -114,25 +122,44 @@ class PhotoSimulator:
         finer: Sequence[float] = FINER_SHARES,
         frames: Frames = "canonical",
         shuffled: bool = True,
+        hard_share: float = 0.0,
         device: torch.device | None = None,
     ) -> None:
         self.samples, self.model, self.seed, self.window = samples, model or CaptureModel(), seed, window
         self.finer, self.frames, self.shuffled = np.cumsum(finer) / np.sum(finer), frames, shuffled
-        self.device = device or torch.device("cpu")
+        self.hard_share, self.device = hard_share, device or torch.device("cpu")
+        self.errors = np.full(len(samples), np.nan)
+        self._drawn: list[int] = []  # the samples of the last batch
         self._order: tuple[int, I64] = (-1, np.empty(0, np.int64))
 
     def batch(self, step: int, size: int) -> list[Scale]:
         """The scales of step `step`'s examples, coarse to fine."""
         rng = generator(self.seed, 3, step)
         noise = torch.Generator(self.device).manual_seed(new_seed(rng))
-        examples = [self._example(self.samples[self._index(step * size + k)], rng) for k in range(size)]
+        self._drawn = [self._index(step * size + k) for k in range(size)]
+        examples = [self._example(self.samples[index], rng) for index in self._drawn]
         if len(self.finer):
             return _simulated(examples, self.window, rng, noise)
         (whole,) = _simulated(examples, _side(examples, self.window), rng, noise)
         return [_cut(whole, self.window, rng) if self.window else whole]
 
+    def record_errors(self, scales: Sequence[Scale], angles: Tensor) -> None:
+        """Update the errors of the last batch's samples. angles: of the windows of all its scales, in radians."""
+        owners = torch.cat([scale.examples for scale in scales])
+        for number, sample in enumerate(self._drawn):
+            error = float(angles[owners == number].mean())
+            # A mean with earlier photographs: each is of other windows, under other colours.
+            self.errors[sample] = np.nanmean([self.errors[sample], error])
+
     def _index(self, number: int) -> int:
-        epoch, place = divmod(number, len(self.samples))
+        """The sample of an example: the next in the epoch's order, or one that is drawn by its error."""
+        by_error = int(number * self.hard_share)
+        if int((number + 1) * self.hard_share) > by_error:
+            known = self.errors[~np.isnan(self.errors)]
+            # A sample that was not seen yet counts as an average one.
+            chances = np.where(np.isnan(self.errors), known.mean() if len(known) else 1.0, self.errors) + 1e-6
+            return int(generator(self.seed, 4, number).choice(len(chances), p=chances / chances.sum()))
+        epoch, place = divmod(number - by_error, len(self.samples))
         if not self.shuffled:
             return place
         if self._order[0] != epoch:

@@ -67,6 +67,9 @@ class TrainingConfig:
     frozen_norms: bool = False
     """Whether batch norms keep the means and variances that they begin with, for a network that is trained further:
     those of a small batch differ from step to step."""
+    hard_share: float = limited(0.0, 0.0, 0.9)
+    """Share of the pictures that are drawn with a chance that grows with the network's error on their samples, not in
+    turn; patch-wise networks have none."""
     capture: Mapping[str, Any] = field(default_factory=dict)
     """Ranges and chances of :class:`mpsnet_core.synthesis.capture_model.CaptureModel` that differ from its own."""
     seed: int = limited(0, 0, 2**31 - 1)
