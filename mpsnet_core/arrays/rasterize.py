@@ -154,11 +154,13 @@ def _nearest(filled: Bools, distance: int, first: int) -> Iterator[tuple[I64, I6
     # Of each texel of the front, the place in `flat`, and the filled texel nearest to it.
     front, source = np.flatnonzero(np.pad(rim, 1)), np.flatnonzero(rim) + first
     for _ in range(distance):
-        ahead, sources = [], []
-        for step in (-stride, stride, -1, 1, -stride - 1, -stride + 1, stride - 1, stride + 1):
-            new = np.flatnonzero(~flat.take(front + step))
-            ahead.append(front.take(new) + step)
-            sources.append(source.take(new))
+        ahead, sources = list[I64](), list[I64]()
+        # Up, down, left, right; then from those up and from those down, as only there a diagonal step finds new ones.
+        for step, after in ((-stride, None), (stride, None), (-1, None), (1, None), (-1, 0), (1, 0), (-1, 1), (1, 1)):
+            near, own = (front, source) if after is None else (ahead[after], sources[after])
+            new = np.flatnonzero(~flat.take(near + step))
+            ahead.append(near.take(new) + step)
+            sources.append(own.take(new))
             flat[ahead[-1]] = True
         front, source = np.concatenate(ahead), np.concatenate(sources)
         if not len(front):

@@ -314,8 +314,7 @@ class _Bake:
         """Write the views' samples at these rows of the texture into `points`, (R, C), which holds those rows alone."""
         width = points.covered.shape[1]
         jobs = bands(rows.stop - rows.start, max(1, POINTS_AT_ONCE // width))
-        views, done = len(self.projectors.views), 0
-        begun = 0
+        views, values, begun, done = len(self.projectors.views), self.projectors.values, 0, 0
         for batch in self.projectors.batches():
             first, last = begun == 0, begun + len(batch) == views
             begun += len(batch)
@@ -328,15 +327,13 @@ class _Bake:
                     row = texels.astype(np.int32) // np.int32(width)
                     column = texels - row * width
                     place = surface.place(triangle, column, row + (rows.start + band.start))
-                    if first:
-                        sums = ViewAccumulator.none(len(texels), self.projectors.values)
-                    else:
-                        sums = ViewAccumulator.kept(here, texels)
-                    at = surface.points(place)
+                    sums = ViewAccumulator.none(len(texels), values) if first else ViewAccumulator.kept(here, texels)
+                    own = surface.at(place, surface.normal)
+                    at = surface.points(place, own)
                     for projector in batch:
                         sums.add(*projector.sample_points(at))
                     if last:
-                        self._finish(here, texels, surface, place, at.normals, sums)
+                        self._finish(here, texels, surface, place, (own, at.normals), sums)
                     else:
                         sums.keep(here, texels)
                 if last:
@@ -358,21 +355,22 @@ class _Bake:
         texels: I64,
         surface: TexelSampler,
         place: Barycentric,
-        normal: F32,
+        normals: tuple[F32, F32],
         sums: ViewAccumulator,
     ) -> None:
         """Write the accumulated means at the texels of these flat indices.
 
-        normal: (3, N) the surface's own normals, in world space.
+        normals: (3, N) the surface's own, interpolated in object space, and as unit vectors in world space.
         """
         assert points.spread is not None and points.views is not None
         points.views.ravel()[texels] = sums.views
         # In tangent space the surface's own normal is +z and need not be computed.
         some = np.flatnonzero(sums.views) if self.baking.space == "tangent" else np.arange(len(texels))
         doubt = 1.0 if self.projectors.feather > 0 else min(1.0, (self.projectors.expected_error / DOUBT) ** 2)
-        mean = normal.take(some, axis=1) * np.float32(FADE * doubt)
+        own, mean = (one.take(some, axis=1) for one in normals)
+        mean *= np.float32(FADE * doubt)
         mean += sums.sums.take(some, axis=0)[:, :3].T
-        encoded = surface.encoded(place.some(some), mean, self.baking.space, self.baking.strength)
+        encoded = surface.encoded(place.some(some), own, mean, self.baking.space, self.baking.strength)
         if self.baking.space == "tangent":  # which cannot hold what points behind the shading normal's plane
             behind = np.flatnonzero(encoded[2] <= 0)
             encoded[:, behind] = np.array([[0], [0], [1]], np.float32)

@@ -350,7 +350,8 @@ class ViewAccumulator:
         """Add one view's samples from :meth:`Projector.sample_points`."""
         x, y, z = samples[:, 0], samples[:, 1], samples[:, 2]
         samples[:, 3] = np.sqrt(x * x + y * y + z * z)
-        samples += self.sums.take(seen, axis=0)
+        if self.views.any():
+            samples += self.sums.take(seen, axis=0)
         put_rows(self.sums, seen, samples)
         self.views[seen] = self.views.take(seen) + np.uint16(1)
 

@@ -94,11 +94,10 @@ class TexelSampler:
         values[:3] += values[6:]
         return values[:3]
 
-    def points(self, place: Barycentric) -> "SurfacePoints":
-        """The surface under sample points. Positions are relative to `middle`."""
-        normal = transformed(self.world_from_object_normals, self.at(place, self.normal))
-        outwards = self.outwards.take(place.triangle, axis=1)
-        return SurfacePoints(self.at(place, self.position), _scaled_to_unit(normal), outwards)
+    def points(self, place: Barycentric, normals: F32) -> "SurfacePoints":
+        """The surface under sample points, from its `normals` there. Positions are relative to `middle`."""
+        unit = _scaled_to_unit(transformed(self.world_from_object_normals, normals))
+        return SurfacePoints(self.at(place, self.position), unit, self.outwards.take(place.triangle, axis=1))
 
     def frames(self, place: Barycentric) -> tuple[F32, F32]:
         """(3, N) unit tangents and bitangents in object space at sample points, perpendicular to the normals."""
@@ -106,12 +105,12 @@ class TexelSampler:
         tangent = _scaled_to_unit(tangent - normal * _dot(normal, tangent))
         return tangent, self.sign.take(place.triangle) * np.cross(normal, tangent, axis=0)
 
-    def encoded(self, place: Barycentric, vectors: F32, space: Space, strength: float) -> F32:
+    def encoded(self, place: Barycentric, normal: F32, vectors: F32, space: Space, strength: float) -> F32:
         """(3, N) unit normals in `space` from vectors (3, N) in world space; the surface's own where those are zero.
 
-        strength: factor on the slopes relative to the surface's own normals.
+        normal: (3, N) the surface's own in object space, as interpolated. strength: factor on the slopes relative to
+        them.
         """
-        normal = self.at(place, self.normal)
         baked = transformed(self.object_from_world_normals, vectors)
         missing = np.flatnonzero(~vectors.any(axis=0))
         baked[:, missing] = normal[:, missing]

@@ -5,6 +5,7 @@ Exit codes: 0; 2 and one line on stderr for bad input; 1 and one line for a faul
 
 import _thread
 import contextlib
+import os
 import signal
 import sys
 import threading
@@ -22,6 +23,9 @@ RETRY_SECONDS = 0.02
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the command line and return its exit code."""
+    # Before NumPy is imported. Even for the inverse of a 4 x 4 matrix OpenBLAS wakes a thread on every core, each of
+    # which then waits busily for 20 ms or more. Large work is spread over the cores anyway.
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     arguments = list(sys.argv[1:] if argv is None else argv)
     handlers = {}
     for name in ("SIGINT", "SIGTERM", "SIGBREAK"):  # SIGBREAK is how Windows asks a process group to end

@@ -77,6 +77,7 @@ def read_obj(path: Path) -> Polygons:
     """
     values: dict[str, list[list[float]]] = {"v": [], "vt": [], "vn": []}
     corners: list[tuple[int, ...]] = []
+    known: dict[str, tuple[int, ...]] = {}
     sizes: list[int] = []
     # By OBJ keyword, the names with the first face that each applies to.
     named: dict[str, list[tuple[int, str]]] = {"usemtl": [], "o": [], "s": []}
@@ -97,8 +98,8 @@ def read_obj(path: Path) -> Polygons:
                     raise FormatError(
                         f"line {number}: a face of {len(words)} corners, above {MAX_CORNERS}; triangulate it"
                     )
-                counts = [len(values[kind]) for kind in ("v", "vt", "vn")]
-                face = [_corner(word, counts) for word in words]
+                counts = [*map(len, values.values())]
+                face = [known[word] if word in known else _corner(word, counts, known) for word in words]
                 if len(face) > 2:
                     corners += face
                     sizes.append(len(face))
@@ -161,18 +162,19 @@ def _smoothing(groups: list[tuple[str, int]], objects: list[tuple[str, int]], ev
     return np.where(group != 0, together.reshape(-1) + 1, 0)
 
 
-def _corner(word: str, counts: list[int]) -> tuple[int, ...]:
-    """Zero-based indices of vertex, UV and normal in "5/7/2", -1 if not given. Negative ones count from the end."""
+def _corner(word: str, counts: list[int], known: dict[str, tuple[int, ...]]) -> tuple[int, ...]:
+    """Zero-based indices of vertex, UV and normal in "5/7/2", -1 if not given. Negative ones count from the end.
+
+    known: remembers words that always mean the same; faces share most of their corners.
+    """
     given = [int(part) if part else 0 for part in word.split("/")]
-    numbers = [-1, -1, -1]
-    for place, (number, count) in enumerate(zip(given, counts, strict=False)):
-        if not -count <= number <= count:
-            raise ValueError
-        if number:
-            numbers[place] = number - 1 if number > 0 else count + number
-    if len(given) > 3 or numbers[0] < 0:
+    if len(given) > 3 or not given[0] or any(abs(number) > count for number, count in zip(given, counts, strict=False)):
         raise ValueError
-    return tuple(numbers)
+    numbers = [number + (count if number < 0 else -1) for number, count in zip(given, counts, strict=False)]
+    corner = (*numbers, *[-1] * (3 - len(numbers)))
+    if min(given) >= 0:
+        known[word] = corner
+    return corner
 
 
 # ----------------------------------------------------------------------------------------------------------------------

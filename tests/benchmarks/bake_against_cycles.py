@@ -17,6 +17,8 @@ import time
 from dataclasses import replace
 from pathlib import Path
 
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # as the command line sets it, and so Blender's child process
+
 import bpy
 import numpy as np
 from quiet import quiet
