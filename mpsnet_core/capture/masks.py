@@ -36,8 +36,9 @@ ALPHA_OR_NONE = "alpha-or-none"
 # pixels of the small image.
 WORKING_SIDE, OUTLINE = 1024, 2
 # The background is estimated from the image border. Its width as a share of the shorter side; the share of it that the
-# object may cover.
-BORDER_SHARE, OBJECT_AT_BORDER = 0.04, 0.2
+# object may cover. It may cover half of it in front of a dark background, from which it then differs by more than noise
+# and uneven light do: by UNLIKE display values, and NOT_NOISE times as much as the darker half of the border.
+BORDER_SHARE, OBJECT_AT_BORDER, UNLIKE, NOT_NOISE = 0.04, 0.2, 0.15, 4
 # Display values, 0 to 1: least contrast of the object; brightness below which a background is dark.
 MIN_CONTRAST, DARK = 0.02, 0.1
 # Largest gap to close, as a share of the image side. Largest holes to fill, as shares of the object's area: the first
@@ -221,19 +222,22 @@ class _Segmentation(NamedTuple):
 def _segment(photo: F32, behind: F32, notes: MaskNotes, clearly: bool = False) -> _Segmentation:
     """The object, where a photo differs from its background; both (H, W, 3) display values."""
     contrast = _contrast(photo, behind)
-    at_border = contrast[_border(contrast.shape)]
+    dark = float(np.median(behind)) < DARK
+    typical, high = np.quantile(contrast[_border(contrast.shape)], (0.5, 1 - OBJECT_AT_BORDER))
+    if dark and high > max(UNLIKE, NOT_NOISE * typical):
+        high = 1.5 * typical  # as far as the median of noise alone
     # Twice the contrast at the border, where noise and an uneven background are all there is.
-    least = max(MIN_CONTRAST, 2 * float(np.quantile(at_border, 1 - OBJECT_AT_BORDER)))
+    least = max(MIN_CONTRAST, 2 * float(high))
     threshold, clearness = _otsu(np.log(np.maximum(contrast, least / 4)))
     threshold = max(float(np.exp(threshold)), least)
-    mask = _clean_up(contrast > threshold, contrast, threshold, dark=float(np.median(behind)) < DARK)
+    mask = _clean_up(contrast > threshold, contrast, threshold, dark=dark)
     if not mask.any() or (clearness < CLEAR and (clearly or mask.mean() < NOISE_SHARE)):
         raise NoObject("no object stands out from the background; give a mask file, or a photo of the background")
     if notes == "all":
         share = 100 * mask.mean()
         log.info("the mask covers %.1f%% of the photo (confidence %.0f%%)", share, 100 * clearness)
     if notes != "none":
-        for doubt in _doubts(mask, clearness):
+        for doubt in _doubts(mask, clearness, plain=high <= UNLIKE):
             log.warning("%s [doubtful-mask]", doubt)
     return _Segmentation(mask, threshold)
 
@@ -253,7 +257,7 @@ def _clean_up(mask: Bools, contrast: F32, threshold: float, *, dark: bool) -> Bo
     return regions.remove_small_regions(mask, PART * regions.labelled(mask)[1][1:].max(initial=0))
 
 
-def _doubts(mask: Bools, clearness: float) -> Iterator[Note]:
+def _doubts(mask: Bools, clearness: float, plain: bool) -> Iterator[Note]:
     share, touching = mask.mean(), mask[_border(mask.shape, 1)].mean()
     if clearness < CLEAR:
         yield Note("object and background hardly differ in places: look at the mask before you use it")
@@ -263,6 +267,8 @@ def _doubts(mask: Bools, clearness: float) -> Iterator[Note]:
             "or plain background?",
             100 * touching,
         )
+    if not plain:
+        yield Note("the photo's border is not plain, or mostly object: look at the mask before you use it")
     holes = regions.fill_small_holes(mask, mask.size).mean() / share - 1
     if holes > SHADOW:
         yield Note(

@@ -107,6 +107,24 @@ def test_a_bust_that_reaches_the_lower_border_is_found_with_a_warning(caplog: py
     assert "the mask meets 10% of the photo's border" in caplog.text
 
 
+@pytest.mark.parametrize("size", [1.0, 1.05])
+def test_a_ball_that_meets_every_side_of_a_dark_photo(size: float, caplog: pytest.LogCaptureFixture) -> None:
+    """It covers more than a fifth of the border, but less than half."""
+    side = round(SIDE * size)
+    inner = slice((side - SIDE) // 2, (side + SIDE) // 2)
+    image, mask = (values[inner, inner] for values in ball(side, 1.0))
+    assert overlap(auto_mask(noisy(before(image, wall(level=0.0005), mask))), mask) > 0.97
+    assert "of the photo's border" in caplog.text
+
+
+def test_a_border_that_is_not_plain_is_reported_of(caplog: pytest.LogCaptureFixture) -> None:
+    image, mask = ball()
+    background = wall(level=0.01)
+    background[:, 150:] = wall(level=0.2)[:, 150:]
+    assert overlap(auto_mask(noisy(before(image, background, mask))), mask) < 0.9
+    assert "border is not plain" in caplog.text
+
+
 @pytest.mark.parametrize("factor", [2.5, 4.1])
 @pytest.mark.long
 def test_a_large_photo_has_its_outline_at_full_size(factor: float) -> None:
