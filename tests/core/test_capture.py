@@ -36,8 +36,9 @@ def test_a_mask_of_shares_counts_from_a_half_as_alpha_does() -> None:
     np.testing.assert_array_equal(capture.mask, [[False, False, True, True]])
 
 
-def test_without_alpha_the_whole_photo_is_taken_and_that_is_said(photo_file, sphere, caplog) -> None:
-    assert read_capture(photo_file, sphere.rig).mask.all()
+def test_without_alpha_the_whole_photo_is_taken_and_that_is_said(tmp_path: Path, sphere, caplog) -> None:
+    photo = write_file(tmp_path / "photo.exr", sphere.image[20:44, 20:44], "float")
+    assert read_capture(photo, sphere.rig).mask.all()
     assert "the whole photo is assumed to be the object" in caplog.text
 
 

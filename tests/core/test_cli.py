@@ -67,7 +67,7 @@ def test_the_options_reach_the_estimate(tmp_path: Path, mpsnet, rig_file: Path, 
     np.testing.assert_array_equal(normals.mask, linear.max(axis=-1) > 0.5 * np.percentile(linear.max(axis=-1), 99.9))
 
 
-@pytest.mark.parametrize(("level", "shown"), [("info", 2), ("warning", 1), ("ERROR", 0), ("loud", None)])
+@pytest.mark.parametrize(("level", "shown"), [("info", 3), ("warning", 1), ("ERROR", 0), ("loud", None)])
 def test_the_environment_chooses_the_notes(
     tmp_path: Path,
     mpsnet,
