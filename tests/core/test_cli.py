@@ -231,7 +231,7 @@ def test_a_stopped_estimate_of_many_frames_leaves_whole_files_only(tmp_path, rig
     large = write_file(shots / "frame_0000.tif", np.tile(sphere.image, (4, 4, 1)), "uint16")
     for number in range(1, count):
         os.link(large, shots / f"frame_{number:04d}.tif")
-    estimate = ["estimate", shots, "--rig", rig_file, "-o", out, "--progress", "json"]
+    estimate = ["estimate", shots, "--rig", rig_file, "--mask", "none", "-o", out, "--progress", "json"]
     command = [sys.executable, "-m", "mpsnet_core", *map(str, estimate)]
     # A shell's background jobs ignore SIGINT and pass that on; the child must start with the usual disposition.
     usual = {"preexec_fn": lambda: signal.signal(signal.SIGINT, signal.default_int_handler)}
