@@ -110,9 +110,8 @@ def test_a_bust_that_reaches_the_lower_border_is_found_with_a_warning(caplog: py
 @pytest.mark.parametrize("size", [1.0, 1.05])
 def test_a_ball_that_meets_every_side_of_a_dark_photo(size: float, caplog: pytest.LogCaptureFixture) -> None:
     """It covers more than a fifth of the border, but less than half."""
-    side = round(SIDE * size)
-    inner = slice((side - SIDE) // 2, (side + SIDE) // 2)
-    image, mask = (values[inner, inner] for values in ball(side, 1.0))
+    inner = slice(round(SIDE * (size - 1) / 2), round(SIDE * (size + 1) / 2))
+    image, mask = (values[inner, inner] for values in ball(round(SIDE * size), 1.0))
     assert overlap(auto_mask(noisy(before(image, wall(level=0.0005), mask))), mask) > 0.97
     assert "of the photo's border" in caplog.text
 

@@ -102,17 +102,14 @@ def test_a_batch_depends_on_seed_and_step_alone(spheres: PackedSamples) -> None:
 
 def test_hard_samples_are_seen_more_often_in_proportion_to_their_errors(spheres: PackedSamples) -> None:
     simulator = PhotoSimulator(spheres, hard_share=0.25, window=16)
-    count, drawn = len(spheres), []
-    scales = simulator.batch(0, count)
-    assert np.isnan(simulator.errors).all()
-    owners = torch.cat([scale.examples for scale in scales])
-    wanted = 0.1 + 0.2 * np.arange(count)
-    simulator.record_errors(scales, torch.tensor(wanted)[torch.tensor(simulator._drawn)[owners]])
-    simulator.record_errors(scales, torch.tensor(wanted)[torch.tensor(simulator._drawn)[owners]])
-    np.testing.assert_allclose(simulator.errors, np.where(np.isin(np.arange(count), simulator._drawn), wanted, np.nan))
-    simulator.errors = wanted
+    wanted = 0.1 + 0.2 * np.arange(len(spheres))
+    for step in range(8):
+        scales = simulator.batch(step, 2)
+        owners = torch.cat([scale.examples for scale in scales])
+        simulator.record_errors(scales, torch.tensor(wanted)[torch.tensor(simulator._drawn)[owners]])
+    np.testing.assert_allclose(simulator.errors, wanted)
     drawn = np.array([simulator._index(number) for number in range(4 * 3000)]).reshape(-1, 4)
-    np.testing.assert_array_equal(np.bincount(drawn[:, :3].ravel()), 9000 / count)  # in turn
+    np.testing.assert_array_equal(np.bincount(drawn[:, :3].ravel()), 9000 / len(spheres))  # in turn
     np.testing.assert_allclose(np.bincount(drawn[:, 3]) / 3000, wanted / wanted.sum(), atol=0.03)
 
 
