@@ -59,9 +59,11 @@ def loss_of(
     the expected error's loss. gradient_weight: of the mean difference between the gradients of predicted and true
     normals. lit: (N, 3, H, W) 1 where a light reaches.
     """
-    count = weights.sum().clamp(min=1)
     angle = angle_between(prediction.normals, truth)
-    mean = (angle * weights).sum() / count
+    # The sums over each picture or patch.
+    angles, counts = (values.reshape(len(weights), -1).sum(1) for values in (angle * weights, weights))
+    count = counts.sum().clamp(min=1)
+    mean = angles.sum() / count
     total, expected = mean, torch.zeros_like(mean)
     if prediction.expected_error is not None:
         residual = prediction.expected_error.squeeze(1) - angle.detach()
@@ -71,9 +73,7 @@ def loss_of(
         total = total + gradient_weight * _gradient_length(prediction.normals - truth, weights)
     if prediction.intermediate is not None and lit is not None:
         total = total + (_auxiliary_loss(prediction.intermediate, truth, lit) * weights).sum() / count
-    angles = (angle.detach() * weights).reshape(len(weights), -1).sum(1)
-    angles = angles / weights.reshape(len(weights), -1).sum(1).clamp(min=1)
-    return Loss(total, mean.detach(), expected.detach(), angles)
+    return Loss(total, mean.detach(), expected.detach(), angles.detach() / counts.clamp(min=1))
 
 
 def _auxiliary_loss(intermediate: IntermediateOutputs, truth: Tensor, lit: Tensor) -> Tensor:
