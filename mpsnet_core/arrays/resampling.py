@@ -73,6 +73,8 @@ def bilinear(
 
 def block_means(pixels: Floats, factor: int) -> F32:
     """(⌈H/factor⌉, ⌈W/factor⌉, C) means of blocks of factor x factor pixels. Non-finite values count as 0."""
+    if factor == 1:
+        return np.nan_to_num(pixels.astype(np.float32), copy=False, posinf=0, neginf=0)
     height, width, channels = pixels.shape
     starts = np.arange(0, width, factor)
     counts = np.diff([*starts, width])[:, None]

@@ -33,13 +33,14 @@ from mpsnet_core.io.image_writing import write_picture
 from mpsnet_core.progress import Progress, part
 from mpsnet_core.scene.camera import FULL_FRAME, Camera, read_camera, write_camera
 from mpsnet_core.scene.mesh import world_from_file
+from mpsnet_core.scene.normal_map import NormalMap
 from mpsnet_core.scene.pictures import contact_sheet
 from mpsnet_core.scene.rig import read_rig
 
 log = logging.getLogger(__name__)
 
-# Longer side in pixels of the cropped photo to fit to. More pixels would not help: errors of the estimate dominate.
-LONGEST = 1024
+# Pixels of the object's longer side to fit to, at most. More would not help: errors of the estimate dominate.
+LONGEST = 640
 # A fit is poor if the outlines differ by this share of the object's longer side, or the normals by this many degrees,
 # or if mesh and mask overlap less than this.
 POOR_OUTLINE, POOR_DEGREES, POOR_OVERLAP = 0.005, 35.0, 0.9
@@ -119,7 +120,7 @@ def _fits(
     small = crop.capture(capture)
     # The shares of the time after which the normals are estimated and the camera is found: a search takes longest.
     estimated, found = (0.12, 0.955) if rough is None else (0.4, 0.9)
-    estimate = PhotoPyramid(options.estimator(1)(small, part(progress, 0.05, estimated)))
+    estimate = PhotoPyramid(_estimate(options, capture, crop, small.mask, part(progress, 0.05, estimated)))
     rest = part(progress, estimated, found)
     if rough is None:
         free = Camera("perspective", width, height, np.full(2, max(height, width) * likely))
@@ -140,6 +141,14 @@ def _fits(
     image = find_better_mirrored(estimate, faces, best, mirrored)
     turned_over = image is not None and not _is_poor(image, small.mask)
     return [crop.whole(fit) for fit in fits], by_points, turned_over
+
+
+def _estimate(options: Align, capture: Capture, crop: "_ObjectCrop", mask: Bools, progress: Progress) -> NormalMap:
+    """The normals of a part with this mask; of a large one at half its size, as only outlines need each pixel."""
+    ratio = 2 if _longer_side(mask) > SCALES[-1][0] else 1
+    vectors = options.estimator(1)(replace(crop, factor=ratio * crop.factor).capture(capture), progress).vectors
+    height, width = mask.shape
+    return NormalMap(vectors.repeat(ratio, axis=0).repeat(ratio, axis=1)[:height, :width], mask)
 
 
 def _written(
@@ -224,8 +233,13 @@ def _check_size(mask: Bools) -> None:
         raise GeometryError(f"the object is {width} x {height} pixels, too few to align a mesh; take a larger photo")
 
 
+def _longer_side(mask: Bools) -> int:
+    """Pixels of the object's longer side."""
+    return max(side.stop - side.start for side in bounding_box(mask))
+
+
 def _is_poor(fit: Fit, mask: Bools) -> bool:
-    longer = max(side.stop - side.start for side in bounding_box(mask))
+    longer = _longer_side(mask)
     return fit.outline > POOR_OUTLINE * longer or fit.degrees > POOR_DEGREES or fit.overlap < POOR_OVERLAP
 
 
@@ -250,11 +264,9 @@ class _ObjectCrop:
 
     @classmethod
     def of(cls, mask: Bools) -> "_ObjectCrop":
-
-        margin = round(MARGIN * max(side.stop - side.start for side in bounding_box(mask)))
-        box = zip(bounding_box(mask, margin), mask.shape, strict=True)
+        longer = _longer_side(mask)
+        box = zip(bounding_box(mask, round(MARGIN * longer)), mask.shape, strict=True)
         rows, columns = (slice(*side.indices(length)) for side, length in box)
-        longer = max(rows.stop - rows.start, columns.stop - columns.start)
         return cls(rows, columns, -(-longer // LONGEST), mask.shape[1], mask.shape[0])
 
     def capture(self, capture: Capture) -> Capture:

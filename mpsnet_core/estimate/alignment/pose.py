@@ -125,15 +125,19 @@ class MeshFaces:
             slice(*np.searchsorted(places, (part.start, part.stop)))
             for places, part in zip((y, x), self.scene.extent(camera), strict=True)
         )
-        pixels = np.stack(np.broadcast_arrays(x[columns], y[rows, None]), axis=-1)
-        origins, directions = camera.rays(pixels.reshape(-1, 2))
-        hits = self.scene.hits(origins, directions)
+        # As Camera.rays, but in float32 and from one origin: half the time.
+        right = ((x[columns] - camera.centre[0]) / camera.focal[0]).astype(np.float32)
+        up = ((camera.centre[1] - y[rows, None]) / camera.focal[1]).astype(np.float32)
+        length = np.sqrt(right**2 + up**2 + 1)
+        own = np.stack([right / length, up / length, -1 / length], axis=-1).reshape(-1, 3)
+        origin = np.broadcast_to(camera.world_from_camera[:3, 3], own.shape)
+        hits = self.scene.hits(origin, own @ camera.rotation.T.astype(np.float32))
         found = hits.triangle >= 0
-        own = directions[found] @ camera.rotation
+        own = own[found]
         facing = self.normals[hits.triangle[found]] @ camera.rotation
         # Flip faces seen from behind: the mesh may be open or wound inwards.
         facing[(facing * own).sum(axis=1) > 0] *= -1
-        mask[rows, columns] = inside = found.reshape(pixels.shape[:2])
+        mask[rows, columns] = inside = found.reshape(length.shape)
         normals[rows, columns][inside] = facing
         points[rows, columns][inside] = own * (hits.distance[found, None] / self.scene.size)
         return SeenFaces(mask, normals, points)
