@@ -2,6 +2,7 @@
 
 import json
 import re
+import shutil
 from dataclasses import replace
 from functools import cache
 
@@ -184,14 +185,19 @@ def test_without_a_start_a_known_principal_point_stays(monkeypatch: pytest.Monke
     assert_the_same(best.camera, shifted)
 
 
+@pytest.fixture(scope="module")
+def written(tmp_path_factory):
+    folder, photo = tmp_path_factory.mktemp("written"), photographed()
+    write_file(folder / "photo.exr", np.dstack([photo.image, photo.mask]), "float")
+    write_mesh(folder / "mesh.npz", bumpy_ball.mesh())
+    write_rig(folder / "rig.json", published_rig(30, 90))
+    return folder
+
+
 class TestCommand:
     @pytest.fixture
-    def files(self, tmp_path):
-        photo = photographed()
-        write_file(tmp_path / "photo.exr", np.dstack([photo.image, photo.mask]), "float")
-        write_mesh(tmp_path / "mesh.npz", bumpy_ball.mesh())
-        write_rig(tmp_path / "rig.json", published_rig(30, 90))
-        return tmp_path
+    def files(self, written, tmp_path):
+        return shutil.copytree(written, tmp_path, dirs_exist_ok=True)
 
     def align(self, mpsnet, files, *options, code: int = 0):
         given = ("--mesh", files / "mesh.npz", "--rig", files / "rig.json", "--model", "lambertian")

@@ -64,7 +64,8 @@ def test_the_scan_lies_where_the_true_normals_show_it() -> None:
 
 
 @pytest.mark.usefixtures("example")
-def test_an_example_that_is_there_stays_and_a_stranger_s_file_is_not_replaced(mpsnet, tmp_path: Path) -> None:
+def test_an_example_that_is_there_stays_and_a_stranger_s_file_is_not_replaced(mpsnet, monkeypatch, tmp_path) -> None:
+    monkeypatch.setattr("mpsnet_core.synthesis.example.SIZE", 64)
     scan = tmp_path / "example" / "egg.obj"
     scan.write_text("mine", encoding="utf-8")
     assert mpsnet("example").returncode == 0 and scan.read_text(encoding="utf-8") == "mine"
