@@ -13,7 +13,7 @@ import numpy as np
 
 from mpsnet_core.arrays import orientation
 from mpsnet_core.arrays.types import F64, Bools, Floats
-from mpsnet_core.arrays.unit_vectors import dot, normalised
+from mpsnet_core.arrays.unit_vectors import normalised
 from mpsnet_core.errors import Note
 from mpsnet_core.io.image import CHANNELS
 from mpsnet_core.scene.rig import LightRig
