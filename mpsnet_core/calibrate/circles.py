@@ -296,7 +296,7 @@ def _circles(image: F32, bright: Bools) -> list[Circle]:
         column, row = (x + size * across).astype(int) >> 1, (y + size * along).astype(int) >> 1
         within = (column >= 0) & (column < shape[1]) & (row >= 0) & (row < shape[0])
         place = row[within] * shape[1] + column[within]
-        votes = np.bincount(place, minlength=shape[0] * shape[1]).reshape(shape)
+        votes = np.bincount(place, minlength=shape[0] * shape[1]).reshape(shape).astype(np.float64)
         votes = box_sums(votes, 1 + int(size) // 40)
         for _ in range(2):  # there may be a second ball of the same size
             row, column = (int(place) for place in np.unravel_index(votes.argmax(), votes.shape))

@@ -144,10 +144,9 @@ def _fitted(points: F64, colours: F64, ball: Ball, rig: LightRig, allowed: Bools
             # Only the first three unknowns move the ball's surface.
             place, normal = _surface(drawn.nudged(*perturbed[:3]), rig, points) if numbers[0] < 3 else at_ball
             change = (_shading(place, normal, rig, perturbed[3:]) - basis) / STEPS[numbers[0]]
-            if len(numbers) == 1:
-                jacobian[..., numbers[0]] = change @ answer
-            else:
-                jacobian[..., numbers] = np.einsum("pl,lc->pcl", change[:, :3], answer[:3])
+            for light, number in enumerate(numbers):
+                changed = slice(light, light + 1) if len(numbers) > 1 else slice(None)
+                jacobian[..., number] = change[:, changed] @ answer[changed]
         prior = precision * scale**2
         answer, step, left = _joint_step(basis, jacobian, colours, weight, prior, moved, free)
         step[:3] = np.clip(step[:3], -MAX_NUDGE, MAX_NUDGE)

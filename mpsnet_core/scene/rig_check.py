@@ -169,11 +169,9 @@ def _candidates(light: F64, lit: Bools, outline: orientation.Outline, rig: Light
 
     light: (H, W, 3) unmixed means of blocks, not below 0. lit: (H, W) those that all lights reach.
     """
-    orders = list(permutations(range(3)))
-    ordered, bright, found = rig.directions[orders], light[lit], list[_Candidate]()
-    strengths = np.ones((len(orders), 3))
-    if len(bright) >= orientation.MIN_CELLS:
-        strengths = equal_albedo(bright[::3], ordered)
+    orders, bright, found = list(permutations(range(3))), light[lit], list[_Candidate]()
+    ordered, enough = rig.directions[orders], len(bright) >= orientation.MIN_CELLS
+    strengths = equal_albedo(bright[::3], ordered) if enough else np.ones((len(orders), 3))
     for order, lights, strength in zip(orders, ordered, strengths, strict=True):
         normals = normalised(light * strength @ np.linalg.inv(lights).T)
         measures = orientation.orientation_measures(normals, lit, outline)

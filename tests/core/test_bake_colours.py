@@ -1,7 +1,6 @@
 """Colours baked beside the normals: on spheres and plates that are painted by where they are."""
 
 from dataclasses import replace
-from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -26,7 +25,6 @@ def paint(points: np.ndarray) -> np.ndarray:
     return 0.5 + 0.4 * points
 
 
-@cache
 def painted_view(side: tuple[float, float, float], brightness: float = 1.0) -> View:
     view = sphere_view(camera_looking(side, size=384))
     colours = paint(view.normals.vectors @ view.camera.rotation.T).astype(np.float32)

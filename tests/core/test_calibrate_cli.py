@@ -207,8 +207,8 @@ def test_the_rooms_light_is_taken_off(photos: Path, tmp_path: Path) -> None:
     write_file(tmp_path / "lit.exr", lit, "float")
     write_file(tmp_path / "dark.exr", np.broadcast_to(room, lit.shape), "float")
     command = ["calibrate", "mixing", str(tmp_path / "lit.exr"), "--dark", str(tmp_path / "dark.exr")]
-    command += ["--circle", CIRCLE, "--rig", str(photos / "rig.json"), "-o", str(tmp_path / "rig.json")]
-    assert main(command) == 0
+    command += ["--circle", CIRCLE, "--rig", str(photos / "rig.json")]
+    assert main([*command, "-o", str(tmp_path / "rig.json")]) == 0
     assert np.abs(read_rig(tmp_path / "rig.json").mixing - CROSSTALK).max() < 0.01
 
 
@@ -222,8 +222,8 @@ def test_a_camera_without_colours_calibrates_both_ways(photos: Path, tmp_path: P
         grey.append(str(write_file(tmp_path / f"grey{light}.exr", pixels, "float")))
     found = []
     for files in (colour, mirror):
-        command = ["calibrate", "lights", "--per-light", "--circle", CIRCLE, *files]
-        assert main([*command, "-o", str(tmp_path / "found.json")]) == 0
+        where = ["--circle", CIRCLE, "-o", str(tmp_path / "found.json")]
+        assert main(["calibrate", "lights", "--per-light", *files, *where]) == 0
         found.append(read_rig(tmp_path / "found.json").directions)
     np.testing.assert_allclose(found[1], found[0], atol=0.01)
     mixed = str(tmp_path / "mixed.json")

@@ -1,7 +1,6 @@
 """Lights from a photo of a known mesh: a bumpy ball in a perspective view, shaded by hand, with shadows and paints."""
 
 import json
-from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -35,7 +34,6 @@ def bumpy(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, trimesh.Trime
     return file, mesh
 
 
-@cache
 def shaded(mesh: trimesh.Trimesh) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """(H, W, 3) light that arrives from each lamp, (H, W) where the mesh is, and (H, W, 3) its points."""
     y, x = np.mgrid[:SIDE, :SIDE] + 0.5

@@ -166,16 +166,9 @@ def bench(written: Path, tmp_path: Path) -> Path:
 
 
 def estimate(bench: Path, *arguments: str) -> int:
-    named = [str(bench / word) if (bench / word).is_file() else word for word in arguments]
-    command = [
-        "estimate",
-        str(bench / "photo.exr"),
-        "--rig",
-        str(bench / "rig.json"),
-        "--mask",
-        str(bench / "mask.png"),
-    ]
-    return main([*command, "--model", "lambertian", "--progress", "none", "-o", str(bench / "normals.exr"), *named])
+    words = ("photo.exr", "--rig", "rig.json", "--mask", "mask.png", *arguments)
+    named = [str(bench / word) if (bench / word).is_file() else word for word in words]
+    return main(["estimate", "--model", "lambertian", "--progress", "none", "-o", str(bench / "normals.exr"), *named])
 
 
 @pytest.mark.parametrize(

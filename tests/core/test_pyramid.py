@@ -143,11 +143,9 @@ def ramp(height: int, width: int) -> np.ndarray:
     return np.stack([*slopes, np.ones((height, width))], axis=-1)
 
 
-@pytest.mark.parametrize(
-    ("tilts", "magnified"),
-    [((90, 210, 330), 1.0), ((5, 125, 245), 1.68), ((190, 70, 310), 1.0), ((280, 30, 150), 1.68)],
-)
-@pytest.mark.parametrize(("passes", "tile"), [(1, 1024), (2, 1024), (6, 1024), (2, 64)])
+@pytest.mark.parametrize("tilts", [(90, 210, 330), (5, 125, 245), (190, 70, 310), (280, 30, 150)])
+@pytest.mark.parametrize(("passes", "tile"), [(1, 1024), (6, 1024), (2, 64)])
+@pytest.mark.parametrize("magnified", [1.0, 1.68])
 def test_coarse_answers_arrive_in_place(tmp_path, tilts: tuple[float, ...], passes: int, tile: int, magnified: float):
     """Of 151 x 211 pixels it says something on 38 x 53 alone. Half a pixel off would be 2.4e-4 in the normals."""
     normals = ramp(151, 211)

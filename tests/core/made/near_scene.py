@@ -47,11 +47,10 @@ def ball(
     rig = LightRig(DIRECTIONS, mix) if places is None else near_rig(places, [0, 0, -away], mix, lobe)
     x = (np.arange(size) + 0.5) / size * 2 - 1
     x, y = np.meshgrid(x, -x)
-    zero, one = np.zeros_like(x), np.ones_like(x)
     if lens is None:
-        start, ray = np.stack([x * 1.04, y * 1.04, zero], axis=-1), np.array([0, 0, -1.0])
+        start, ray = np.stack([x * 1.04, y * 1.04, 0 * x], axis=-1), np.array([0, 0, -1.0])
     else:
-        start, ray = np.zeros(3), np.stack([x * 18, y * 18, -lens * one], axis=-1)
+        start, ray = np.zeros(3), np.stack([x * 18, y * 18, 0 * x - lens], axis=-1)
         ray /= np.sqrt(18**2 * (x * x + y * y) + lens**2)[..., None]
     middle = np.array([0, 0, -away])
     b = (ray * (start - middle)).sum(axis=-1)
@@ -66,12 +65,8 @@ def ball(
         off_axis = towards @ DIRECTIONS[number] / reach
         falls = np.maximum((normals * towards).sum(axis=-1) / reach, 0)
         shares[..., number] = falls * (near / reach) ** 2 * off_axis**lobe
-    image, lit = shares @ mix.T, shares.min(axis=-1) > 0
-    depth = np.where(mask, -point[..., 2], 1)
-    camera = Camera(
-        "orthographic" if lens is None else "perspective",
-        size,
-        size,
-        np.full(2, size / 2.08 if lens is None else lens / 36 * size),
-    )
+    kind, focal = ("orthographic", size / 2.08) if lens is None else ("perspective", lens / 36 * size)
+    camera = Camera(kind, size, size, np.full(2, focal))
+    image, depth = shares @ mix.T, np.where(mask, -point[..., 2], 1)
+    lit = shares.min(axis=-1) > 0
     return Scene(image.astype(np.float32), normals, mask, lit, rig, camera, depth.astype(np.float32))
