@@ -202,7 +202,8 @@ class Capture(Shown):
     @property
     def saturated_lights(self) -> Bools:
         """(H, W, 3) whether saturation affects a light after unmixing. Read-only."""
-        return self.saturated_lights_in(slice(None))
+        saturated = self.saturated_lights_in(slice(None))
+        return saturated if saturated.any() else np.broadcast_to(False, saturated.shape)  # which takes no memory
 
     def saturated_lights_in(self, rows: slice) -> Bools:
         """(h, W, 3) whether saturation affects a light after unmixing, for some rows. Read-only."""

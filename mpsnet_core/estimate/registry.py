@@ -17,7 +17,7 @@ BASELINES = (LAMBERTIAN, LAMBERTIAN_GREY_WORLD)
 DEFAULT_MODEL = "multiscale"
 QUICK_MODEL = "multiscale-quick"
 STILL_PASSES: Literal[3] = 3  # of the default, averaged; frames of a sequence get one
-DEFAULT_TILE = 448  # side of a dense network's tiles, in pixels
+DEFAULT_TILE = 672  # side of a dense network's tiles, in pixels
 
 MODELS_FOLDER = Path(__file__).parent / "models"
 # In the repository and the sdist, but not in wheels.
