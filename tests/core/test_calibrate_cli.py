@@ -180,8 +180,9 @@ def test_two_balls_give_a_rig_with_positions(photos: Path, tmp_path: Path, lens:
     assert np.linalg.norm(near.positions - [place for place, _ in PAIR.lamps], axis=1).max() < 0.02 * 0.8
     assert near.target == pytest.approx(BETWEEN, abs=0.005)
     assert picture(tmp_path / "overlay.png").shape[1] > 1000
-    assert main([*command, "--distant", "-o", str(rig)]) == 0
-    assert read_rig(rig).near is None
+    if lens[0] == "--focal":
+        assert main([*command, "--distant", "-o", str(rig)]) == 0
+        assert read_rig(rig).near is None
 
 
 def test_the_mixing_goes_into_the_rig(mpsnet, photos: Path, tmp_path: Path) -> None:
