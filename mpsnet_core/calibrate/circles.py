@@ -291,8 +291,7 @@ def _circles(image: F32, bright: Bools) -> list[Circle]:
     x, y, shape = np.tile(x, 2), np.tile(y, 2), (height // 2 + 1, width // 2 + 1)
     shorter = min(height, width)
     found = []
-    radii = np.arange(max(5.0, SMALLEST * shorter), LARGEST * shorter)
-    for size in radii:
+    for size in np.arange(max(5.0, SMALLEST * shorter), LARGEST * shorter):
         column, row = (x + size * across).astype(int) >> 1, (y + size * along).astype(int) >> 1
         within = (column >= 0) & (column < shape[1]) & (row >= 0) & (row < shape[0])
         place = row[within] * shape[1] + column[within]
