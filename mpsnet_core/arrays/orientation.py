@@ -123,12 +123,11 @@ def orientation_measures(normals: Floats, usable: Bools, outline: Outline) -> F6
         return measures
     size = np.sqrt(dot(along_x, along_x) + dot(along_y, along_y))
     share = size + 0.1 * np.median(size) + TINY
-    for number, turn in enumerate(TURNS):
-        x, y = along_x @ turn.T, along_y @ turn.T
-        curl = np.abs(y[:, 0] - x[:, 1])
-        measures[number, 1] = np.log(np.mean(curl / share) + TINY)
-        measures[number, 2] = np.log(curl.mean() / (size.mean() + TINY) + 1e-3)
-        measures[number, 3] = -np.mean((x[:, 0] + y[:, 1]) / share)
+    x, y = (along @ TURNS.swapaxes(1, 2) for along in (along_x, along_y))
+    curl = np.abs(y[..., 0] - x[..., 1])
+    measures[:, 1] = np.log((curl / share).mean(axis=1) + TINY)
+    measures[:, 2] = np.log(curl.mean(axis=1) / (size.mean() + TINY) + 1e-3)
+    measures[:, 3] = -((x[..., 0] + y[..., 1]) / share).mean(axis=1)
     return measures
 
 

@@ -20,9 +20,12 @@ def bands(height: int, rows: int = ROWS) -> list[slice]:
 
 def on_all_cores(work: Callable[[Job], None], jobs: Iterable[Job], after: Callable[[], None] = lambda: None) -> None:
     """Do `work` for every job in threads, and call `after` in this thread once per job. An exception ends all of it."""
+    jobs = list(jobs)
     with ThreadPoolExecutor(usable_cores()) as pool:
+        # The one band of a small image is done in this thread.
+        apply = pool.map if len(jobs) > 1 else map
         try:
-            for _ in pool.map(work, jobs):
+            for _ in apply(work, jobs):
                 after()
         except BaseException:
             pool.shutdown(cancel_futures=True)

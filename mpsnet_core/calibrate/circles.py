@@ -105,15 +105,15 @@ class _Edges:
         # Saturate: strong edges must not outweigh faint ones.
         evidence = self.gradients / (self.gradients + 2 * self.noise_levels[:, None])
         evidence[~self.inside_photo] = 0
-        line = np.arange(len(evidence))
+        evidence = np.pad(evidence, [(0, 0), (1, 1)])  # nothing beyond the lines' ends
+        lines, length = evidence.shape
         best, span = np.zeros(3), self.reach / 2
         while span > 0.4 * self.step:
             grid = np.linspace(-span, span, 7)
             nudges = best + np.stack(np.meshgrid(grid, grid, grid, indexing="ij"), axis=-1).reshape(-1, 3)
             offsets = nudges[:, :2] @ self.across.T + nudges[:, 2:]
-            place = np.rint((offsets - self.offsets[0]) / self.step).astype(int)
-            within = (place >= 0) & (place < evidence.shape[1])
-            total = np.where(within, evidence[line, np.clip(place, 0, evidence.shape[1] - 1)], 0).sum(axis=1)
+            place = np.rint((offsets - self.offsets[0]) / self.step).astype(int) + 1
+            total = evidence.take(np.clip(place, 0, length - 1) + length * np.arange(lines)).sum(axis=1)
             best = nudges[total.argmax()]
             span /= 2.5
         return float(best[0]), float(best[1]), float(best[2])
@@ -285,18 +285,17 @@ def _circles(image: F32, bright: Bools) -> list[Circle]:
     y, x = np.nonzero(edge)
     if len(x) == 0:
         return []
-    across = gradient_x[edge] / steep[edge], gradient_y[edge] / steep[edge]
+    # Each edge votes on both of its sides.
+    across = np.concatenate([side * (gradient_x[edge] / steep[edge]) for side in (-1, 1)])
+    along = np.concatenate([side * (gradient_y[edge] / steep[edge]) for side in (-1, 1)])
+    x, y, shape = np.tile(x, 2), np.tile(y, 2), (height // 2 + 1, width // 2 + 1)
     shorter = min(height, width)
     found = []
-    radii = np.arange(max(5.0, SMALLEST * shorter), LARGEST * shorter)
-    for size in radii:
-        shape = height // 2 + 1, width // 2 + 1
-        votes = np.zeros(shape)
-        for side in (-size, size):
-            column, row = (x + side * across[0]).astype(int) // 2, (y + side * across[1]).astype(int) // 2
-            within = (column >= 0) & (column < votes.shape[1]) & (row >= 0) & (row < votes.shape[0])
-            place = np.ravel_multi_index((row[within], column[within]), shape)
-            votes += np.bincount(place, minlength=votes.size).reshape(shape)
+    for size in np.arange(max(5.0, SMALLEST * shorter), LARGEST * shorter):
+        column, row = (x + size * across).astype(int) >> 1, (y + size * along).astype(int) >> 1
+        within = (column >= 0) & (column < shape[1]) & (row >= 0) & (row < shape[0])
+        place = row[within] * shape[1] + column[within]
+        votes = np.bincount(place, minlength=shape[0] * shape[1]).reshape(shape).astype(np.float64)
         votes = box_sums(votes, 1 + int(size) // 40)
         for _ in range(2):  # there may be a second ball of the same size
             row, column = (int(place) for place in np.unravel_index(votes.argmax(), votes.shape))

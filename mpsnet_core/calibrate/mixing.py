@@ -32,8 +32,10 @@ MAX_NUDGE = 2.0
 # exponent of the cosine minus Lambert's 1. Prior standard deviations of the last seven (2°; a rough ball has 0.9).
 OTHERS = 10
 UNCERTAINTIES = [0.035] * 6 + [0.1]
-# Steps of the finite differences.
-STEPS = [0.1] * 3 + [0.002] * 7
+# Steps of the finite differences. A rotation of a light changes its own shading alone, so those of the three lights are
+# tried together.
+STEPS = np.array([0.1] * 3 + [0.002] * 7)
+TOGETHER = [0], [1], [2], [3, 5, 7], [4, 6, 8], [9]
 # Model errors (gloss, interreflections) are correlated over much of the ball. Together, all pixels determine the lights
 # as well as this many with independent errors.
 INDEPENDENT = 300
@@ -136,12 +138,15 @@ def _fitted(points: F64, colours: F64, ball: Ball, rig: LightRig, allowed: Bools
         jacobian = np.zeros((len(points), 3, OTHERS))
         if turn == 0:
             answer = _joint_step(basis, jacobian, colours, weight, np.eye(OTHERS), moved, free)[0]
-        for number, size in enumerate(STEPS):
-            perturbed = moved + size * np.eye(OTHERS)[number]
+        for numbers in TOGETHER:
+            perturbed = moved.copy()
+            perturbed[numbers] += STEPS[numbers]
             # Only the first three unknowns move the ball's surface.
-            place, normal = _surface(drawn.nudged(*perturbed[:3]), rig, points) if number < 3 else at_ball
-            perturbed_basis = _shading(place, normal, rig, perturbed[3:])
-            jacobian[..., number] = (perturbed_basis - basis) @ answer / size
+            place, normal = _surface(drawn.nudged(*perturbed[:3]), rig, points) if numbers[0] < 3 else at_ball
+            change = (_shading(place, normal, rig, perturbed[3:]) - basis) / STEPS[numbers[0]]
+            for light, number in enumerate(numbers):
+                changed = slice(light, light + 1) if len(numbers) > 1 else slice(None)
+                jacobian[..., number] = change[:, changed] @ answer[changed]
         prior = precision * scale**2
         answer, step, left = _joint_step(basis, jacobian, colours, weight, prior, moved, free)
         step[:3] = np.clip(step[:3], -MAX_NUDGE, MAX_NUDGE)
@@ -329,12 +334,11 @@ def _joint_step(
     left = np.zeros((12 + OTHERS, 12 + OTHERS))
     right = np.zeros(12 + OTHERS)
     for channel in range(3):
-        rows = np.zeros((len(basis), 12 + OTHERS))
-        rows[:, 4 * channel : 4 * channel + 4] = basis
-        rows[:, 12:] = jacobian[:, channel]
+        rows = np.concatenate([basis, jacobian[:, channel]], axis=1)
         weighted = rows * weight[:, channel, None]
-        left += weighted.T @ rows
-        right += weighted.T @ colours[:, channel]
+        unknowns = np.r_[4 * channel : 4 * channel + 4, 12 : 12 + OTHERS]
+        left[np.ix_(unknowns, unknowns)] += weighted.T @ rows
+        right[unknowns] += weighted.T @ colours[:, channel]
     left[12:, 12:] += prior
     right[12:] -= prior @ moved
     # Fix negative entries at zero, the most negative one first.

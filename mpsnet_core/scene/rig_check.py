@@ -13,7 +13,7 @@ import numpy as np
 
 from mpsnet_core.arrays import orientation
 from mpsnet_core.arrays.types import F64, Bools, Floats
-from mpsnet_core.arrays.unit_vectors import dot, normalised
+from mpsnet_core.arrays.unit_vectors import normalised
 from mpsnet_core.errors import Note
 from mpsnet_core.io.image import CHANNELS
 from mpsnet_core.scene.rig import LightRig
@@ -27,8 +27,9 @@ ALIKE = 20.0
 # A rig is wrong if it and those like it have a probability below WRONG, another one, those like it and the same turned
 # by 180° have one above SURE, and one of that one's lights is at least MIN_DIFFERENCE degrees from its counterpart.
 WRONG, SURE, MIN_DIFFERENCE = 0.005, 0.5, 25.0
-# Iterations that find the lights' strengths, and the weight of the prior that they are equally strong.
-ROUNDS, STRENGTH_PRIOR = 15, 0.05
+# Most iterations that find the lights' strengths, the step of their logarithms that ends them sooner, and the weight of
+# the prior that they are equally strong.
+ROUNDS, SETTLED, STRENGTH_PRIOR = 15, 1e-9, 0.05
 HALF_TURN_OF_LIGHTS = np.array([-1, -1, 1])
 # What is wrong with a rig whose lights fit when turned by each of :data:`TURNS`.
 TURN_WORDS = (
@@ -104,8 +105,7 @@ def check_rig(pixels: Floats, mask: Bools, rig: LightRig) -> RigFit:
         return RigFit()
     light = np.maximum(rig.unmixed(blocks.values), 0).astype(np.float64)
     lit = blocks.whole & (light > SHADOW * np.percentile(light[blocks.whole], 95, axis=0)).all(axis=-1)
-    orders = permutations(range(3))
-    return _fit_of([one for order in orders for one in _candidates(light, lit, blocks.outline, rig, order)])
+    return _fit_of(_candidates(light, lit, blocks.outline, rig))
 
 
 def _fit_of(candidates: list[_Candidate]) -> RigFit:
@@ -164,40 +164,45 @@ def _order_words(order: tuple[int, ...]) -> str:
     return f"the red, green and blue channels show the rig's {first}, {second} and {third} lights"
 
 
-def _candidates(
-    light: F64, lit: Bools, outline: orientation.Outline, rig: LightRig, order: tuple[int, ...]
-) -> list[_Candidate]:
-    """The candidates of one order. Their normals are the same, turned.
+def _candidates(light: F64, lit: Bools, outline: orientation.Outline, rig: LightRig) -> list[_Candidate]:
+    """The lights in all orders, the rig's own first, and turned. Normals by those of one order are the same, turned.
 
     light: (H, W, 3) unmixed means of blocks, not below 0. lit: (H, W) those that all lights reach.
     """
-    lights = rig.directions[list(order)]
-    bright = light[lit]
-    strengths = equal_albedo(bright[::3], lights) if len(bright) >= orientation.MIN_CELLS else np.ones(3)
-    normals = normalised(light * strengths @ np.linalg.inv(lights).T)
-    measures = orientation.orientation_measures(normals, lit, outline)
-    turned = [np.concatenate([lights[:, :2] @ turn.T, lights[:, 2:]], axis=1) for turn in orientation.TURNS]
-    return [_Candidate(order, turn, *both) for turn, both in enumerate(zip(turned, measures, strict=True))]
+    orders, bright, found = list(permutations(range(3))), light[lit], list[_Candidate]()
+    ordered, enough = rig.directions[orders], len(bright) >= orientation.MIN_CELLS
+    strengths = equal_albedo(bright[::3], ordered) if enough else np.ones((len(orders), 3))
+    for order, lights, strength in zip(orders, ordered, strengths, strict=True):
+        normals = normalised(light * strength @ np.linalg.inv(lights).T)
+        measures = orientation.orientation_measures(normals, lit, outline)
+        turned = [np.concatenate([lights[:, :2] @ turn.T, lights[:, 2:]], axis=1) for turn in orientation.TURNS]
+        found += [_Candidate(order, turn, *both) for turn, both in enumerate(zip(turned, measures, strict=True))]
+    return found
 
 
 def equal_albedo(colours: F64, directions: F64) -> F64:
-    """(3,) factors of colours (P, 3) that make their albedo by equation 2 as constant as possible.
+    """(..., 3) factors of colours (P, 3) that make their albedo by equation 2 as constant as possible.
 
-    directions: (3, 3) one light per row. The factors compensate for the unknown strengths of the lights, which would
-    distort the normals.
+    directions: (..., 3, 3) one light per row. The factors compensate for the unknown strengths of the lights, which
+    would distort the normals.
     """
     means = np.median(colours, axis=0)
-    square = np.linalg.inv(directions @ directions.T)
-    strengths = np.zeros(3)
+    square = np.linalg.inv(directions @ directions.swapaxes(-1, -2))
+    strengths = np.zeros((*directions.shape[:-1], 1))
     for _ in range(ROUNDS):
-        lights = colours / means * np.exp(strengths)
-        turned = lights @ square
-        length = dot(turned, lights)
+        lights = (colours / means).T * np.exp(strengths)  # (..., 3, P)
+        parts = square @ lights * lights
+        length = parts.sum(axis=-2, keepdims=True)
         error = np.log(length) / 2
-        weight = 1 / np.maximum(np.abs(error - np.median(error)), 0.02)
-        weight /= weight.sum()
-        jacobian = turned * lights / length[:, None]
-        jacobian, error = jacobian - weight @ jacobian, error - weight @ error
-        left = (jacobian * weight[:, None]).T @ jacobian + STRENGTH_PRIOR * np.eye(3)
-        strengths = strengths - np.linalg.solve(left, jacobian.T @ (weight * error) + STRENGTH_PRIOR * strengths)
-    return np.asarray(np.exp(strengths) / means)
+        weight = 1 / np.maximum(np.abs(error - np.median(error, axis=-1, keepdims=True)), 0.02)
+        weight /= weight.sum(axis=-1, keepdims=True)
+        error -= (weight * error).sum(axis=-1, keepdims=True)
+        jacobian = parts / length
+        jacobian -= (weight * jacobian).sum(axis=-1, keepdims=True)
+        left = (weight * jacobian) @ jacobian.swapaxes(-1, -2) + STRENGTH_PRIOR * np.eye(3)
+        right = (weight * jacobian) @ error.swapaxes(-1, -2) + STRENGTH_PRIOR * strengths
+        step = np.linalg.solve(left, right)
+        strengths = strengths - step
+        if np.abs(step).max() < SETTLED:
+            break
+    return np.asarray(np.exp(strengths[..., 0]) / means)

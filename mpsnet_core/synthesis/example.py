@@ -6,7 +6,7 @@ import numpy as np
 
 from mpsnet_core.arrays.types import F64, I32
 from mpsnet_core.arrays.unit_vectors import normalised
-from mpsnet_core.calibrate.ball import Ball, mirrored
+from mpsnet_core.calibrate.ball import Ball, at_origin, mirrored
 from mpsnet_core.io.image import linear_to_srgb
 from mpsnet_core.io.image_writing import write_image
 from mpsnet_core.relief.surface_mesh import SurfaceMesh, write_surface_mesh
@@ -119,10 +119,11 @@ def ball_photo(camera: Camera) -> F64:
     ball = Ball(np.array([0, 0, -DISTANCE]), 0.6, camera, 0.0, 1.0, np.zeros((3, 3)))
     row, column = np.mgrid[0 : 2 * SIZE, 0 : 2 * SIZE].reshape(2, -1)
     pixels = (np.stack([column, row], axis=-1) + 0.5) / 2
-    _, ways = mirrored(ball, pixels)
-    _, away = Camera(camera.projection, SIZE, SIZE, camera.focal, camera.centre).rays(pixels)
-    off = np.linalg.norm(np.cross(away, ball.centre), axis=-1)
+    _, away = at_origin(camera).rays(pixels)
+    on_ball = np.linalg.norm(np.cross(away, ball.centre), axis=-1) < ball.radius
+    _, ways = mirrored(ball, pixels[on_ball])
     seen = ways @ LIGHTS.T > np.cos(np.radians(LAMP / 2))
     walls = ROOM * (0.3 + 0.3 * (ways[:, 1:2] > -0.2) + 0.2 * (np.abs(ways[:, :1] - 0.3) < 0.1))
-    shown = np.where((off < ball.radius)[:, None], seen + walls, 2 * ROOM)
+    shown = np.full((len(pixels), 3), 2 * ROOM)
+    shown[on_ball] = seen + walls
     return shown.reshape(SIZE, 2, SIZE, 2, 3).mean(axis=(1, 3))

@@ -13,6 +13,8 @@ import pytest
 # that wait for each other cost up to ten times what they save.
 for library in ("OPENBLAS", "OMP"):
     os.environ.setdefault(f"{library}_NUM_THREADS", "1")
+# And these processes compile the package once, not each anew, which is half of a short one's time.
+os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 
 from external_data import external_data
 from synthetic import Sphere, shaded_sphere, write_file

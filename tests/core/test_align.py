@@ -14,7 +14,7 @@ from mesh_file import write_mesh
 from surface_shapes import upright
 from synthetic import write_file
 
-from mpsnet_core import Camera, GeometryError, NormalMap, read_camera, read_image, write_camera
+from mpsnet_core import Camera, GeometryError, Mesh, NormalMap, read_camera, read_image, write_camera
 from mpsnet_core.estimate.alignment import search
 from mpsnet_core.estimate.alignment.points import camera_from_points
 from mpsnet_core.estimate.alignment.pose import MeshFaces
@@ -46,8 +46,13 @@ def photographed(longitude: float = 40, latitude: float = 15, roll: float = 8, l
 
 
 @cache
+def mesh() -> Mesh:
+    return bumpy_ball.mesh()
+
+
+@cache
 def faces() -> MeshFaces:
-    return MeshFaces.of(bumpy_ball.mesh())
+    return MeshFaces.of(mesh())
 
 
 def evidence(photo: Photo) -> PhotoPyramid:
@@ -134,15 +139,15 @@ class TestPoints:
 
 class TestFromAStart:
     # From the last one the first steps are long: a turn and a shift that undo each other have to be cut alike.
-    @pytest.mark.parametrize(("view", "seed"), [((40, 15, 8), 0), ((200, 50, -60), 7)])
-    def test_eight_degrees_and_eight_percent_off_it_finds_the_camera(self, view: tuple[float, float, float], seed: int):
-        rng, photo = np.random.default_rng(seed), photographed(*view, 700.0)
+    @pytest.mark.parametrize(("view", "lens", "seed"), [((40, 15, 8), 600.0, 0), ((200, 50, -60), 700.0, 7)])
+    def test_eight_degrees_and_eight_percent_off_it_finds_the_camera(self, view: tuple, lens: float, seed: int):
+        rng, photo = np.random.default_rng(seed), photographed(*view, lens)
         off_by = [rng.choice([-5, 5]), rng.choice([-5, 5]), rng.choice([-4, 4])]
         turn = looking(*(np.array(view) + off_by))
         pose = turn.world_from_camera.copy()
         off = rng.normal(size=3)
         pose[:3, 3] += 0.08 * bumpy_ball.SIZE * off / np.linalg.norm(off)
-        start = Camera("perspective", WIDTH, HEIGHT, np.full(2, 700 * 1.08), None, pose)
+        start = Camera("perspective", WIDTH, HEIGHT, np.full(2, 1.08 * lens), None, pose)
         fit = refine_camera(evidence(photo), faces(), start)
         assert_the_same(fit.camera, photo.camera)
         assert fit.overlap > 0.98
@@ -189,7 +194,7 @@ class TestCommand:
     def files(self, tmp_path):
         photo = photographed()
         write_file(tmp_path / "photo.exr", np.dstack([photo.image, photo.mask]), "float")
-        write_mesh(tmp_path / "mesh.npz", bumpy_ball.mesh())
+        write_mesh(tmp_path / "mesh.npz", mesh())
         write_rig(tmp_path / "rig.json", published_rig(30, 90))
         return tmp_path
 
@@ -213,7 +218,7 @@ class TestCommand:
         assert_the_same(read_camera(files / "camera.json"), true)
         assert (files / "overlay.png").is_file()
 
-    @pytest.mark.parametrize(("stated", "given"), [(60, ()), (200, ()), (1, ()), (200, ("--focal", "60")), (0, ())])
+    @pytest.mark.parametrize(("stated", "given"), [(200, ()), (1, ()), (200, ("--focal", "60")), (0, ())])
     def test_the_lens_that_the_photo_states_is_where_it_starts(self, mpsnet, files, stated: int, given):
         """A wrong one does no harm, and one that is given goes before it."""
         photo, points = photographed(), surface_points(8)
@@ -291,7 +296,7 @@ class TestCommand:
 
     def test_a_small_object_in_a_large_photo_is_placed_by_all_its_pixels(self, mpsnet, files):
         """As well as in a photo of it alone, by the same pixels."""
-        photo, (left, top), (height, width) = photographed(), (1100, 160), (1300, 1900)
+        photo, (left, top), (height, width) = photographed(), (900, 160), (800, 1300)
 
         def shifted(camera: Camera) -> Camera:
             return replace(camera, width=width, height=height, centre=camera.centre + np.array([left, top]))
@@ -324,7 +329,7 @@ class TestCommand:
         assert "poor fit" not in done.stderr
         assert_the_same(read_camera(files / "camera.json"), photographed().camera)
 
-    @pytest.mark.parametrize("size", [(WIDTH, HEIGHT), (1900, 1300)], ids=["large in the photo", "small in it"])
+    @pytest.mark.parametrize("size", [(WIDTH, HEIGHT), (1100, 800)], ids=["large in the photo", "small in it"])
     def test_outlines_that_are_apart_by_a_share_of_the_object_are_a_poor_fit(self, mpsnet, files, size):
         """However large the photo is; mesh and mask share most, and the normals are alike."""
         (width, height), photo = size, photographed()

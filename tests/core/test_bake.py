@@ -53,9 +53,9 @@ def test_one_view_gives_each_texel_its_normal(layout: str, projection: str, scal
     outwards = (np.cross(b - a, c - a) * np.sign(np.prod(scale)))[texels.triangle]
     faces_it = (outwards * towards_camera(camera, points)).sum(1) > 0
 
-    place = tuple(texels.place.T)
+    place, view = tuple(texels.place.T), sphere_view(camera, pose)
     for space in ("object", "tangent"):
-        texture = bake_normals(mesh, [sphere_view(camera, pose)], size=SIZE, space=space, margin=0)
+        texture = bake_normals(mesh, [view], size=SIZE, space=space, margin=0)
         assert texture.covered[place].all() and texture.covered.sum() == len(texels.place)
         seen = texture.seen[place]
         assert seen[cosine > 0.25].all() and not seen[~faces_it].any()

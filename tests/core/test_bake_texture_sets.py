@@ -1,6 +1,7 @@
 """Several textures and several meshes in one bake, and several points a texel, where the answer is known."""
 
 from dataclasses import replace
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -59,6 +60,7 @@ def pose(scale: tuple[float, float, float], place: tuple[float, float, float], t
 POSES = [pose((0.8, 0.8, 0.8), (-1.2, 0, 0), 40), pose((-0.5, 0.8, 0.7), (1.2, 0.4, 0.2), -25)]
 
 
+@cache
 def view_of_both(side: tuple[float, float, float]) -> View:
     """What a camera sees of the two spheres at `POSES`: of each pixel the nearer one's normal."""
     camera = camera_looking(side, size=384, reach=2.6)

@@ -125,7 +125,7 @@ def test_what_a_lens_that_nobody_gave_does_is_within_the_uncertainty() -> None:
 def test_directions_in_perspective(middle: Sequence[float], radius: float) -> None:
     """At the photo's side, even across its border, where a ball's outline is an ellipse and the view is oblique."""
     scene = Scene([(middle, radius)], lamps_around(middle, FAR, 5, ANGLES), focal=700)
-    image = photograph(scene)
+    image = photograph(scene, fine=3)
     found = lights_of(image, pinhole(scene), radius=radius)
     assert degrees_between(found.directions, FACING).max() < 0.5
     assert found.sightings[0].ball.centre == pytest.approx(middle, abs=0.003)
@@ -299,7 +299,7 @@ def test_a_mirror_ball_under_the_found_lights_shines_where_the_photographs_do(
     middle = (circle.x - width / 2, height / 2 - circle.y, 0.0)
     for photo, direction in zip(photos, found.directions, strict=True):
         lamp = (np.array(middle) + FAR * direction, FAR * np.tan(np.radians(3)))
-        drawn = photograph(Scene([(middle, circle.radius)], [lamp], (width, height)), np.ones((3, 1)), room=0, fine=2)
+        drawn = photograph(Scene([(middle, circle.radius)], [lamp], (width, height)), np.ones((3, 1)), room=0)
         rows, columns = np.nonzero(drawn.max(axis=-1) > 0.4)
         bright_rows, bright_columns = np.nonzero(photo.max(axis=-1) > 0.9)
         apart = np.hypot(rows.mean() - bright_rows.mean(), columns.mean() - bright_columns.mean())

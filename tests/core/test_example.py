@@ -36,7 +36,8 @@ def test_each_printed_command_runs_and_gives_the_truth(example: list[str], mpsne
     assert sum(file.stat().st_size for file in Path().iterdir()) < 3_000_000
     for line in example:
         if line.startswith("mpsnet "):
-            done = mpsnet(*shlex.split(line)[1:], *(["--size", "256"] if " bake " in line else []))
+            quicker = {"bake": ("--size", "256"), "estimate": ("--passes", "1")}.get(line.split()[1], ())
+            done = mpsnet(*shlex.split(line)[1:], *quicker)
             assert done.returncode == 0, done.stderr
     assert sum(line.startswith("mpsnet ") for line in example) == 5
     truth = read_normals("truth.png")
@@ -64,7 +65,8 @@ def test_the_scan_lies_where_the_true_normals_show_it() -> None:
 
 
 @pytest.mark.usefixtures("example")
-def test_an_example_that_is_there_stays_and_a_stranger_s_file_is_not_replaced(mpsnet, tmp_path: Path) -> None:
+def test_an_example_that_is_there_stays_and_a_stranger_s_file_is_not_replaced(mpsnet, monkeypatch, tmp_path) -> None:
+    monkeypatch.setattr("mpsnet_core.synthesis.example.SIZE", 64)
     scan = tmp_path / "example" / "egg.obj"
     scan.write_text("mine", encoding="utf-8")
     assert mpsnet("example").returncode == 0 and scan.read_text(encoding="utf-8") == "mine"

@@ -78,6 +78,7 @@ def test_what_stops_the_writing_leaves_the_old_file_alone(tmp_path: Path, stoppe
     assert listing(tmp_path) == ["a.txt"]
 
 
+@pytest.mark.long
 def test_a_signal_at_any_time_leaves_all_files_old_or_all_new_and_no_litter(tmp_path: Path) -> None:
     """The command line's own handler runs at each call in turn: Python handles signals where a function begins, and
     after one that is written in C."""

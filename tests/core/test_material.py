@@ -326,7 +326,7 @@ def test_a_photo_that_is_not_filled_or_too_small_is_refused(tmp_path, capfd):
 @pytest.mark.parametrize("shine", [0.0, 0.25])
 def test_the_model_of_materials_is_the_better_one_for_what_the_photo_shows(make, shine):
     """Brown, matt or with a sheen (Blinn and Phong), which no model is told."""
-    swatch, rig = make((150, 180), 0.2, seed=4), published_rig()
+    swatch, rig = make((100, 120), 0.2, seed=4), published_rig()
     photo = photographed(replace(swatch, albedo=swatch.albedo * np.float32([0.6, 0.35, 0.2])), rig, noise=0.002)
     half = normalised(rig.directions + np.array([0, 0, 1]))
     light = np.maximum(swatch.normals @ rig.directions.T, 0)

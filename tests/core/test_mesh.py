@@ -79,13 +79,13 @@ def test_obj_corner_by_corner(tmp_path: Path, faces: str) -> None:
 @pytest.mark.parametrize("shape", ["star", "comb", "spiral", "ring"])
 def test_a_slanted_polygon_of_many_notches_is_covered_once(shape: str, behind: bool) -> None:
     """All triangles face one way and have together the area by the shoelace formula: none overlap, none is missing."""
-    turn = np.linspace(0, 2 * np.pi, 1024, endpoint=False)
+    turn = np.linspace(0, 2 * np.pi, 512, endpoint=False)
     circle = np.c_[np.cos(turn), np.sin(turn)]
     if shape == "star":
-        around = circle * np.random.default_rng(0).uniform(1, 1.5, (1024, 1))
+        around = circle * np.random.default_rng(0).uniform(1, 1.5, (512, 1))
     elif shape == "comb":
-        x = np.arange(512.0)
-        around = np.r_[np.c_[x, np.zeros(512)], np.c_[x, np.where(x % 2, 5, 1)][::-1]]
+        x = np.arange(256.0)
+        around = np.r_[np.c_[x, np.zeros(256)], np.c_[x, np.where(x % 2, 5, 1)][::-1]]
     elif shape == "spiral":
         turned = np.c_[np.cos(3 * turn), np.sin(3 * turn)]
         around = np.r_[turned * (1 + 3 * turn)[:, None], (turned * (0.6 + 3 * turn)[:, None])[::-1]]

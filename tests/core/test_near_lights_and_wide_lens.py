@@ -1,6 +1,7 @@
 """Lights and lens close to the object: a ball whose normals are known, for the baseline and for networks."""
 
 import json
+import shutil
 from pathlib import Path
 
 import numpy as np
@@ -35,7 +36,7 @@ def close() -> Scene:
 
 def error(scene: Scene, model: str | Path = "lambertian", capture: Capture | None = None) -> float:
     """Mean angular error where all three lights reach: what is elsewhere no lamp tells."""
-    normals = estimate_normals(capture or scene.capture(), model)
+    normals = estimate_normals(capture or scene.capture(), model, passes=1)
     return float(degrees_between(normals.vectors, scene.normals)[scene.lit].mean())
 
 
@@ -121,8 +122,8 @@ def test_brightness_is_one_at_the_target_and_falls_with_the_square() -> None:
     np.testing.assert_allclose(near.lights_at(half_way)[0], 4 * np.array([0, 3, 4]) / 5)
 
 
-def ball_mesh(middle: np.ndarray) -> Mesh:
-    source = trimesh.creation.icosphere(5)
+def ball_mesh(middle: np.ndarray, subdivisions: int = 4) -> Mesh:
+    source = trimesh.creation.icosphere(subdivisions)
     vertices, triangles = np.array(source.vertices) + middle, np.array(source.faces, np.int32)
     uvs = np.broadcast_to(np.array([[0, 0], [1, 0], [0, 1.0]]), (len(triangles), 3, 2))
     return Mesh(vertices, triangles, shared_normals(vertices[triangles], triangles), uvs)
@@ -133,7 +134,7 @@ def test_the_depth_of_a_mesh_is_that_of_the_ball_it_stands_for(wide: Scene) -> N
     pose[:3, :3] = [[0, 0, 1], [1, 0, 0], [0, 1, 0]]
     pose[:3, 3] = [7, -3, 2]
     camera = Camera("perspective", SIZE, SIZE, wide.camera.focal, world_from_camera=pose)
-    mesh = ball_mesh(pose[:3, :3] @ [0, 0, -1.04 / np.sin(np.arctan(18 / WIDE))] + pose[:3, 3])
+    mesh = ball_mesh(pose[:3, :3] @ [0, 0, -1.04 / np.sin(np.arctan(18 / WIDE))] + pose[:3, 3], 5)
     depth = depth_of_mesh(camera, RayScene.of(mesh))
     assert np.abs(depth - wide.depth)[wide.mask].max() < 0.01
     assert np.isinf(depth[0, 0])
@@ -142,33 +143,32 @@ def test_the_depth_of_a_mesh_is_that_of_the_ball_it_stands_for(wide: Scene) -> N
 # --- the command line -------------------------------------------------------------------------------------------------
 
 
-@pytest.fixture
-def bench(tmp_path: Path, close: Scene) -> Path:
-    write_file(tmp_path / "photo.exr", close.image, "float")
-    write_file(tmp_path / "mask.png", close.mask, "uint8")
-    write_rig(tmp_path / "rig.json", close.rig)
-    write_camera(tmp_path / "camera.json", close.camera)
+@pytest.fixture(scope="module")
+def written(tmp_path_factory: pytest.TempPathFactory, close: Scene) -> Path:
+    folder = tmp_path_factory.mktemp("written")
+    write_file(folder / "photo.exr", close.image, "float")
+    write_file(folder / "mask.png", close.mask, "uint8")
+    write_rig(folder / "rig.json", close.rig)
+    write_camera(folder / "camera.json", close.camera)
     distance = 1.04 / np.sin(np.arctan(18 / 50))
     mesh = ball_mesh(np.array([0, 0, -distance]))
     # For the depth alone no UVs are needed.
     lines = [f"v {x} {y} {z}" for x, y, z in mesh.vertices]
     lines += [f"f {a + 1} {b + 1} {c + 1}" for a, b, c in mesh.triangles]
-    (tmp_path / "ball.obj").write_text("\n".join(lines))
-    trimesh.Trimesh(mesh.vertices, mesh.triangles, process=False).export(tmp_path / "ball.ply")
-    return tmp_path
+    (folder / "ball.obj").write_text("\n".join(lines))
+    trimesh.Trimesh(mesh.vertices, mesh.triangles, process=False).export(folder / "ball.ply")
+    return folder
+
+
+@pytest.fixture
+def bench(written: Path, tmp_path: Path) -> Path:
+    return shutil.copytree(written, tmp_path, dirs_exist_ok=True)
 
 
 def estimate(bench: Path, *arguments: str) -> int:
-    named = [str(bench / word) if (bench / word).is_file() else word for word in arguments]
-    command = [
-        "estimate",
-        str(bench / "photo.exr"),
-        "--rig",
-        str(bench / "rig.json"),
-        "--mask",
-        str(bench / "mask.png"),
-    ]
-    return main([*command, "--model", "lambertian", "--progress", "none", "-o", str(bench / "normals.exr"), *named])
+    words = ("photo.exr", "--rig", "rig.json", "--mask", "mask.png", *arguments)
+    named = [str(bench / word) if (bench / word).is_file() else word for word in words]
+    return main(["estimate", "--model", "lambertian", "--progress", "none", "-o", str(bench / "normals.exr"), *named])
 
 
 @pytest.mark.parametrize(

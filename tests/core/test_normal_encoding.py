@@ -13,7 +13,7 @@ from synthetic import degrees_between, write_file
 from mpsnet_core import FormatError, read_base_map, read_normals
 from mpsnet_core.scene.normal_encoding import read_vectors, write_vectors
 
-SIDE = 256
+SIDE = 128
 FLAT = np.array([0, 0, 1.0])
 # Signed numbers as bytes. In the last three green is inverted after rounding, as image editors do for DirectX.
 BYTES: dict[str, Callable[[np.ndarray], np.ndarray]] = {

@@ -33,7 +33,7 @@ from mpsnet_core.io.image import Image, linear_to_srgb, srgb_to_linear
 from mpsnet_core.scene.camera import Camera, write_camera
 from mpsnet_core.scene.rig import read_rig, write_rig
 
-SIDE = 160
+SIDE = 96
 # Not square, and not symmetric: a photo that is turned differs.
 SPHERE = shaded_sphere(SIDE)
 LIGHT = np.pad(0.9 * SPHERE.image, ((0, 0), (0, 40), (0, 0)))

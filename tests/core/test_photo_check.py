@@ -128,8 +128,8 @@ def test_the_focus_of_paint_is_judged_where_there_is_no_outline(sigma: float, le
 
 def test_large_photos_and_files_without_an_upper_end(monkeypatch: pytest.MonkeyPatch) -> None:
     """A float file may hold any values; one that a converter clipped at 1 shows it."""
-    monkeypatch.setattr("mpsnet_core.capture.photo_check.PIXELS", 1_000_000)
-    image, mask = photo(size=1000)
+    monkeypatch.setattr("mpsnet_core.capture.photo_check.PIXELS", 160_000)
+    image, mask = photo(size=400)
     assert {one.level for one in checked(image * 1e-3, mask, clip=np.inf).values()} == {"good"}
     found = checked(np.minimum(image * 1.4, 1), mask, clip=np.inf)
     assert found["clipping"].level == "bad"

@@ -106,12 +106,13 @@ def by_hand(path: Path, capture: Capture) -> np.ndarray:
     return answer
 
 
-@pytest.mark.parametrize("tile", [64, 1024])
-def test_a_pyramid_is_what_loops_make_of_it(tmp_path: Path, ragged: Capture, tile: int) -> None:
+def test_a_pyramid_is_what_loops_make_of_it(tmp_path: Path, ragged: Capture) -> None:
     path = sees_all(tmp_path / "n.onnx", frame="camera")
-    found, expected = estimate_normals(ragged, path, tile=tile), by_hand(path, ragged)
-    np.testing.assert_allclose(found.vectors, expected[..., :3], rtol=0, atol=1e-4)
-    np.testing.assert_allclose(found.confidence, expected[..., 3], rtol=0, atol=1e-4)
+    expected = by_hand(path, ragged)
+    for tile in (64, 1024):
+        found = estimate_normals(ragged, path, tile=tile)
+        np.testing.assert_allclose(found.vectors, expected[..., :3], rtol=0, atol=1e-4)
+        np.testing.assert_allclose(found.confidence, expected[..., 3], rtol=0, atol=1e-4)
     alone = estimate_normals(ragged, sees_all(tmp_path / "one.onnx", frame="camera", kind="dense"))
     assert degrees_between(alone.vectors, found.vectors)[ragged.mask].mean() > 2, "the scales before count"
 
@@ -143,7 +144,7 @@ def ramp(height: int, width: int) -> np.ndarray:
 
 
 @pytest.mark.parametrize("tilts", [(90, 210, 330), (5, 125, 245), (190, 70, 310), (280, 30, 150)])
-@pytest.mark.parametrize(("passes", "tile"), [(1, 1024), (2, 1024), (6, 1024), (2, 64)])
+@pytest.mark.parametrize(("passes", "tile"), [(1, 1024), (6, 1024), (2, 64)])
 @pytest.mark.parametrize("magnified", [1.0, 1.68])
 def test_coarse_answers_arrive_in_place(tmp_path, tilts: tuple[float, ...], passes: int, tile: int, magnified: float):
     """Of 151 x 211 pixels it says something on 38 x 53 alone. Half a pixel off would be 2.4e-4 in the normals."""
@@ -159,7 +160,7 @@ def test_coarse_answers_arrive_in_place(tmp_path, tilts: tuple[float, ...], pass
     np.testing.assert_allclose(found.confidence[mask], 0.5, atol=1e-5)
 
 
-@pytest.mark.parametrize("shape", [(1, 1), (1, 300), (300, 1), (129, 2), (257, 257)])
+@pytest.mark.parametrize("shape", [(1, 1), (1, 300), (300, 1), (129, 2), (129, 129)])
 @pytest.mark.parametrize("tile", [64, 1024])
 @pytest.mark.parametrize("magnified", [1.0, 2.38])
 def test_something_flat_stays_flat_however_narrow_and_up_to_the_picture_s_edge(tmp_path, shape, tile, magnified):
@@ -186,18 +187,18 @@ def resized(values: np.ndarray, shape: tuple[int, int]) -> np.ndarray:
 def test_a_small_photo_s_answer_is_that_to_its_magnified_picture(tmp_path: Path, times: float) -> None:
     """Bilinear between pixels of the mask, to which a new pixel belongs as the one does that it lies in."""
     random = np.random.default_rng(4)
-    mask = random.random((90, 60)) < 0.8
+    mask = random.random((54, 36)) < 0.8
     mask[[0, -1]] = mask[:, [0, -1]] = True
-    capture = Capture(random.uniform(0.1, 1, (90, 60, 3)), mask, RIG)
+    capture = Capture(random.uniform(0.1, 1, (54, 36, 3)), mask, RIG)
     plain = OnnxModel(sees_all(tmp_path / "plain.onnx", frame="camera"))
-    shape = round(90 * times), round(60 * times)
+    shape = round(54 * times), round(36 * times)
     rows, columns = ((np.arange(new) + 0.5) * old // new for new, old in zip(shape, mask.shape, strict=True))
     inside = mask[np.ix_(rows.astype(int), columns.astype(int))]
     cover = resized(mask[..., None].astype(float), shape)
     answer = plain(Capture(resized(capture.image * mask[..., None], shape) / np.maximum(cover, 1e-3), inside, RIG))
     both = np.concatenate([answer.vectors, answer.confidence[..., None]], axis=-1) * inside[..., None]
-    covered = resized(inside[..., None].astype(float), (90, 60))
-    expected = resized(both, (90, 60)) / np.where(mask[..., None], covered, 1)
+    covered = resized(inside[..., None].astype(float), (54, 36))
+    expected = resized(both, (54, 36)) / np.where(mask[..., None], covered, 1)
     found = estimate_normals(capture, sees_all(tmp_path / "n.onnx", frame="camera", magnified=times))
     normals = expected[mask, :3] / np.linalg.norm(expected[mask, :3], axis=-1, keepdims=True)
     np.testing.assert_allclose(found.vectors[mask], normals, rtol=0, atol=1e-4)

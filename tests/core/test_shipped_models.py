@@ -27,7 +27,7 @@ from mpsnet_core.synthesis.shapes import build_shape
 
 pytestmark = pytest.mark.accuracy
 
-SIZE = 128
+SIZE = 96
 MATERIALS = (Material(base_color=(0.7, 0.5, 0.4), roughness=0.6), Material(base_color=(0.3, 0.4, 0.6), roughness=0.4))
 
 

@@ -71,7 +71,7 @@ def mesh() -> Mesh:
 def test_what_no_triangle_hides_is_seen(mesh: Mesh, direction: tuple[float, float, float], projection: str) -> None:
     camera = camera_looking(direction, projection, size=300, distance=9, reach=3.2)
     rng = np.random.default_rng(2)
-    triangle = rng.integers(0, len(mesh.triangles), 1500)
+    triangle = rng.integers(0, len(mesh.triangles), 700)
     corners = mesh.world_vertices[mesh.triangles[triangle]]
     points = np.einsum("nc,nci->ni", rng.dirichlet([1, 1, 1], len(triangle)), corners)
     outward = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])

@@ -130,7 +130,7 @@ def _fits(
     else:
         begin = crop.camera(rough)
         if by_points is None:
-            begin = move_onto_mask(estimate, faces, begin)
+            begin = move_onto_mask(estimate, faces, begin).camera
         fits = [refine_camera(estimate, faces, begin, fix_focal=fixed, progress=rest)]
     best = fits[0]
     if by_points and pairs and _contradicts(crop.whole(fits[0]).camera, by_points, *pairs):

@@ -144,17 +144,18 @@ def _views(estimate: NormalMap, faces: MeshFaces, lens: Camera, progress: Progre
     return cameras
 
 
-def move_onto_mask(photo: PhotoPyramid, faces: MeshFaces, camera: Camera) -> Camera:
+def move_onto_mask(photo: PhotoPyramid, faces: MeshFaces, camera: Camera) -> Fit:
     """Shift and zoom a camera until the mesh has the mask's place and size; unchanged if that does not fit better.
 
     A rough start, such as a viewport's view, shows the object elsewhere in the image.
     """
     focal, rotation = float(camera.focal[0]), camera.rotation.T
     _, mask = _picture(faces, rotation, *_small(faces, _ObjectExtent.of(photo.estimate.mask), focal))
+    fit = measure_fit(photo, faces, camera, CHOSEN)
     if not mask.any():  # a flat sheet seen edge-on
-        return camera
+        return fit
     placed = _place_camera(photo.estimate.mask, faces, rotation, focal, camera.centre, _ObjectExtent.of(mask), 0.0)
-    return max(camera, placed, key=lambda one: measure_fit(photo, faces, one, CHOSEN).overlap)
+    return max(fit, measure_fit(photo, faces, placed, CHOSEN), key=lambda one: one.overlap)
 
 
 def _small(faces: MeshFaces, frame: _ObjectExtent, focal: float) -> tuple[float, float]:
@@ -288,7 +289,7 @@ def _fit_reflected(photo: PhotoPyramid, faces: MeshFaces, camera: Camera, most: 
     """
     across = [*faces.axes, camera.rotation[:, 2]]
     starts = [move_onto_mask(photo, faces, _reflected(camera, faces.scene.middle, axis)) for axis in across]
-    start = min((measure_fit(photo, faces, one, CHOSEN) for one in starts), key=lambda fit: fit.cost)
+    start = min(starts, key=lambda fit: fit.cost)
     rough = refine_camera(photo, faces, start.camera, fix_focal=True, scales=ROUGH_SCALES, progress=silent)
     if rough.cost > most:
         return rough

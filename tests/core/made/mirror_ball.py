@@ -63,7 +63,7 @@ class Scene:
         """x, y of their middles."""
         return tuple(np.meshgrid(*(np.arange(length) + 0.5 for length in self.size)))
 
-    def drawn(self, background: np.ndarray | float, shade: Shade, fine: int = 3) -> np.ndarray:
+    def drawn(self, background: np.ndarray | float, shade: Shade, fine: int = 2) -> np.ndarray:
         """(H, W, 3) the balls before a background: the mean of fine × fine rays a pixel, where a ball may be met."""
         x, y = self.pixels()
         larger = Scene([(middle, 1.1 * radius) for middle, radius in self.balls], [], self.size, self.focal)
@@ -89,7 +89,7 @@ def photograph(
     levels: int | None = 65535,
     on: Sequence[int] | None = None,
     white_lamp: tuple[Sequence[float], float, float] | None = None,
-    fine: int = 3,
+    fine: int = 2,
     seed: int = 0,
 ) -> np.ndarray:
     """(H, W, 3) a mirror ball's photo, clipped at 1.
@@ -125,7 +125,7 @@ def grey_photograph(
     noise: float = 0.003,
     levels: int | None = 65535,
     ambient: float = 0.0,
-    fine: int = 3,
+    fine: int = 2,
     seed: int = 0,
 ) -> np.ndarray:
     """(H, W, 3) a matt ball under distant lights, on black."""

@@ -38,45 +38,35 @@ def ball(
 ) -> Scene:
     """A ball of radius 1. lens: in mm, None for an orthographic camera. near: distance of the lights, None for suns.
 
-    Intersections by the quadratic formula, light by the cosine and the inverse square, a pixel at a time in loops.
+    Intersections by the quadratic formula, light by the cosine and the inverse square.
     """
     half = np.radians(1.02 * 90) if lens is None else np.arctan(18 / lens)
     away = 4.0 if lens is None else 1.04 / np.sin(half)
     places = None if near is None else near * DIRECTIONS + [0, 0, -away]
     mix = np.eye(3) if mixing is None else np.array(mixing, float)
     rig = LightRig(DIRECTIONS, mix) if places is None else near_rig(places, [0, 0, -away], mix, lobe)
-    image, normals, depth = np.zeros((size, size, 3)), np.zeros((size, size, 3)), np.ones((size, size))
-    mask, lit = np.zeros((size, size), bool), np.zeros((size, size), bool)
+    x = (np.arange(size) + 0.5) / size * 2 - 1
+    x, y = np.meshgrid(x, -x)
+    if lens is None:
+        start, ray = np.stack([x * 1.04, y * 1.04, 0 * x], axis=-1), np.array([0, 0, -1.0])
+    else:
+        start, ray = np.zeros(3), np.stack([x * 18, y * 18, 0 * x - lens], axis=-1)
+        ray /= np.sqrt(18**2 * (x * x + y * y) + lens**2)[..., None]
     middle = np.array([0, 0, -away])
-    for row in range(size):
-        for column in range(size):
-            x, y = (column + 0.5) / size * 2 - 1, 1 - (row + 0.5) / size * 2
-            if lens is None:
-                start, ray = np.array([x * 1.04, y * 1.04, 0]), np.array([0, 0, -1.0])
-            else:
-                start, ray = np.zeros(3), np.array([x * 18, y * 18, -lens]) / np.sqrt(18**2 * (x * x + y * y) + lens**2)
-            b = ray @ (start - middle)
-            inside = b * b - (start - middle) @ (start - middle) + 1
-            if inside < 0.003:  # the very rim
-                continue
-            point = start + ray * (-b - np.sqrt(inside))
-            normal = point - middle
-            shares = []
-            for number in range(3):
-                if places is None:
-                    shares.append(max(normal @ DIRECTIONS[number], 0))
-                    continue
-                towards = places[number] - point
-                reach = np.sqrt(towards @ towards)
-                off_axis = towards @ DIRECTIONS[number] / reach
-                shares.append(max(normal @ towards / reach, 0) * (near / reach) ** 2 * off_axis**lobe)
-            image[row, column] = mix @ shares
-            normals[row, column], depth[row, column], mask[row, column] = normal, -point[2], True
-            lit[row, column] = min(shares) > 0
-    camera = Camera(
-        "orthographic" if lens is None else "perspective",
-        size,
-        size,
-        np.full(2, size / 2.08 if lens is None else lens / 36 * size),
-    )
+    b = (ray * (start - middle)).sum(axis=-1)
+    inside = b * b - ((start - middle) ** 2).sum(axis=-1) + 1
+    mask = inside >= 0.003  # without the very rim
+    point = start + ray * (-b - np.sqrt(np.maximum(inside, 0)))[..., None]
+    normals = np.where(mask[..., None], point - middle, 0)
+    shares = np.maximum(normals @ DIRECTIONS.T, 0)
+    for number in range(3 if places is not None else 0):
+        towards = places[number] - point
+        reach = np.sqrt((towards**2).sum(axis=-1))
+        off_axis = towards @ DIRECTIONS[number] / reach
+        falls = np.maximum((normals * towards).sum(axis=-1) / reach, 0)
+        shares[..., number] = falls * (near / reach) ** 2 * off_axis**lobe
+    kind, focal = ("orthographic", size / 2.08) if lens is None else ("perspective", lens / 36 * size)
+    camera = Camera(kind, size, size, np.full(2, focal))
+    image, depth = shares @ mix.T, np.where(mask, -point[..., 2], 1)
+    lit = shares.min(axis=-1) > 0
     return Scene(image.astype(np.float32), normals, mask, lit, rig, camera, depth.astype(np.float32))

@@ -116,10 +116,10 @@ def ball_photos(folder: Path) -> None:
     middle, radius = (0, 0, -DISTANCE), 0.1
     lamps = mirror_ball.lamps_around(middle, 20, angles=ANGLES)
     scene = mirror_ball.Scene([(middle, radius)], lamps, SIZE, FOCAL)
-    raw(folder / "ball.dng", mirror_ball.photograph(scene, fine=2))
+    raw(folder / "ball.dng", mirror_ball.photograph(scene))
     raw(folder / "grey.dng", mirror_ball.grey_photograph(scene, mirror_ball.CROSSTALK / 2, RIG.directions))
     for light, colour in enumerate(("red", "green", "blue")):
-        developed(folder / f"{colour}.png", mirror_ball.photograph(scene, on=[light], fine=2))
+        developed(folder / f"{colour}.png", mirror_ball.photograph(scene, on=[light]))
         card = np.full((SIZE[1], SIZE[0], 3), 0.5 * mirror_ball.CROSSTALK[:, light])
         developed(folder / f"card_{colour}.png", card)
     square = np.zeros((SIZE[1], SIZE[0]))
@@ -132,7 +132,7 @@ def ball_photos(folder: Path) -> None:
         one[:, light] = 0.3
         developed(folder / f"grey_{3 * light + 1}.png", mirror_ball.grey_photograph(scene, one, RIG.directions))
     for light in range(len(ring)):
-        photo = mirror_ball.photograph(white, np.ones((3, len(ring))), on=[light], fine=2)
+        photo = mirror_ball.photograph(white, np.ones((3, len(ring))), on=[light])
         developed(folder / f"ball_{light + 1}.png", photo)
 
     near = mirror_ball.lamps_around(middle, 0.5, angles=ANGLES)
@@ -140,10 +140,10 @@ def ball_photos(folder: Path) -> None:
     wide = (2 * SIZE[0], 2 * SIZE[1])
     for name, balls in (("two_balls", places), ("left", places[:1]), ("right", places[1:])):
         scene = mirror_ball.Scene([(place, 0.02) for place in balls], near, wide, 2 * FOCAL)
-        developed(folder / f"{name}.png", mirror_ball.photograph(scene, fine=2))
+        developed(folder / f"{name}.png", mirror_ball.photograph(scene))
     scene = mirror_ball.Scene([(middle, 0.02)], near, wide, 2 * FOCAL)
     directions = [place - middle for place, _ in near] / np.float64(0.5)
-    raw(folder / "near_grey.dng", mirror_ball.grey_photograph(scene, mirror_ball.CROSSTALK / 2, directions, fine=2))
+    raw(folder / "near_grey.dng", mirror_ball.grey_photograph(scene, mirror_ball.CROSSTALK / 2, directions))
 
 
 def many_views(folder: Path) -> None:
