@@ -100,7 +100,7 @@ def test_black_around_the_object_does_not_count() -> None:
     np.testing.assert_allclose(found.image[painted.lit], expected.image[painted.lit], rtol=0.2, atol=0.01)
 
 
-@pytest.mark.parametrize(("white", "size", "share"), [(False, 96, 0.85), (True, 96, 0.85), (False, 520, 0.55)])
+@pytest.mark.parametrize(("white", "size", "share"), [(False, 96, 0.85), (True, 96, 0.85), (False, 520, 0.4)])
 def test_a_still_of_a_painted_surface_gains_by_it(
     monkeypatch: pytest.MonkeyPatch, white: bool, size: int, share: float
 ) -> None:
