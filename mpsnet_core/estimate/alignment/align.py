@@ -117,10 +117,10 @@ def _fits(
         if lens is not None:
             rough = replace(rough, focal=lens.focal, centre=lens.centre if options.lens else rough.centre)
     crop = _ObjectCrop.of(capture.mask)
-    small = crop.capture(capture)
+    mask = crop.mask(capture.mask)
     # The shares of the time after which the normals are estimated and the camera is found: a search takes longest.
     estimated, found = (0.12, 0.955) if rough is None else (0.4, 0.9)
-    estimate = PhotoPyramid(_estimate(options, capture, crop, small.mask, part(progress, 0.05, estimated)))
+    estimate = PhotoPyramid(_estimate(options, capture, crop, mask, part(progress, 0.05, estimated)))
     rest = part(progress, estimated, found)
     if rough is None:
         free = Camera("perspective", width, height, np.full(2, max(height, width) * likely))
@@ -139,7 +139,7 @@ def _fits(
         best = min(best, fits[0], key=lambda fit: fit.cost)
     mirrored = part(progress, found, 0.98, "comparing with the mirrored mesh")
     image = find_better_mirrored(estimate, faces, best, mirrored)
-    turned_over = image is not None and not _is_poor(image, small.mask)
+    turned_over = image is not None and not _is_poor(image, mask)
     return [crop.whole(fit) for fit in fits], by_points, turned_over
 
 
@@ -269,13 +269,17 @@ class _ObjectCrop:
         rows, columns = (slice(*side.indices(length)) for side, length in box)
         return cls(rows, columns, -(-longer // LONGEST), mask.shape[1], mask.shape[0])
 
-    def capture(self, capture: Capture) -> Capture:
+    def mask(self, mask: Bools) -> Bools:
+        """The part of the photo's mask: the pixels of which half are inside."""
+        part = mask[self.rows, self.columns]
+        return block_means(part[..., None].astype(np.float32), self.factor)[..., 0] >= 0.5
 
+    def capture(self, capture: Capture) -> Capture:
+        """The part of the photo."""
         factor, here = self.factor, (self.rows, self.columns)
-        image, mask, clipped, depth = capture.image[here], capture.mask[here], capture.clipped, capture.depth
+        image, mask, clipped, depth = capture.image[here], self.mask(capture.mask), capture.clipped, capture.depth
         if factor > 1:
             image = block_means(image, factor)
-            mask = block_means(mask[..., None].astype(np.float32), factor)[..., 0] >= 0.5
         if clipped is not None:
             clipped = block_means(clipped[here].astype(np.float32), factor) > 0
         if depth is not None:  # of a plane, so subsampling is exact enough
