@@ -20,8 +20,9 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from mpsnet_core.arrays.mask_regions import bounding_box
+from mpsnet_core.arrays.row_bands import on_all_cores
 from mpsnet_core.arrays.types import F64
-from mpsnet_core.errors import FileError, FormatError, NoObject
+from mpsnet_core.errors import FileError, FormatError, InputError, NoObject
 from mpsnet_core.io.files import atomic_write, ensure_folder, existing_file, resolved, temporary_folder
 from mpsnet_core.io.opening import DAMAGED, AnyPath
 from mpsnet_core.progress import Progress, silent
@@ -97,26 +98,41 @@ class PackedSamples:
         for folder in map(Path, folders):
             if not folder.is_dir():
                 raise FileError(f"the folder of samples {folder} does not exist; check the path")
-            numbers = sorted(samples_there(folder))
-            for place, number in enumerate(numbers):
-                path = sample_path(folder, number)
-                try:
-                    packed = self._packed_path(path)
-                    if not packed.is_file() or packed.is_symlink():
-                        progress(place / len(numbers), f"packing sample {place + 1} of {len(numbers)}")
-                        _pack(path, packed)
-                except (FormatError, NoObject) as error:
-                    if isinstance(error, FormatError) and not skip_damaged:
-                        raise FormatError(f"{error}, or leave such samples out with --skip-damaged") from None
-                    log.warning("left out: %s", error)
-                    self.left_out[path] = str(error)
-                    continue
-                self._packed.append(packed)
-                self.names.append(f"{folder.name}/{number}")
-                self.paths.append(path)
+            self._add(folder, skip_damaged, progress)
         if not self.paths:
             where = ", ".join(map(str, folders))
             raise FileError(f"there is no whole sample in {where}; make some with mpsnet synthesize")
+
+    def _add(self, folder: Path, skip_damaged: bool, progress: Progress) -> None:
+        """Add the samples of a folder; those that are not packed yet are packed on all cores."""
+        numbers, packed, unusable = sorted(samples_there(folder)), dict[int, Path](), dict[int, InputError]()
+        done = iter(range(1, len(numbers) + 1))
+
+        def pack(number: int) -> None:
+            path = sample_path(folder, number)
+            try:
+                packed[number] = self._packed_path(path)
+                if not packed[number].is_file() or packed[number].is_symlink():
+                    _pack(path, packed[number])
+            except (FormatError, NoObject) as error:
+                if isinstance(error, FormatError) and not skip_damaged:
+                    raise FormatError(f"{error}, or leave such samples out with --skip-damaged") from None
+                unusable[number] = error
+
+        def tell() -> None:
+            place = next(done)
+            progress(place / len(numbers), f"packing sample {place} of {len(numbers)}")
+
+        on_all_cores(pack, numbers, tell)
+        for number in numbers:
+            path = sample_path(folder, number)
+            if number in unusable:
+                log.warning("left out: %s", unusable[number])
+                self.left_out[path] = str(unusable[number])
+                continue
+            self._packed.append(packed[number])
+            self.names.append(f"{folder.name}/{number}")
+            self.paths.append(path)
 
     def __len__(self) -> int:
         return len(self.paths)
