@@ -43,7 +43,7 @@ def main() -> None:
     if options.minutes <= 0:
         mpsnet(*made)
         return
-    making = started(*made)
+    making = started(*made, "--progress", "none")  # two bars would share a line
     try:
         while making.poll() is None and len([*folder.glob("samples/*.exr")]) < min(FIRST, options.count):
             time.sleep(1)
