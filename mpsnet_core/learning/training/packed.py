@@ -9,7 +9,9 @@ import logging
 import os
 import weakref
 import zlib
+from collections import deque
 from collections.abc import Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import ExitStack
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -20,7 +22,7 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from mpsnet_core.arrays.mask_regions import bounding_box
-from mpsnet_core.arrays.row_bands import on_all_cores
+from mpsnet_core.arrays.row_bands import usable_cores
 from mpsnet_core.arrays.types import F64
 from mpsnet_core.errors import FileError, FormatError, InputError, NoObject
 from mpsnet_core.io.files import atomic_write, ensure_folder, existing_file, resolved, temporary_folder
@@ -105,32 +107,38 @@ class PackedSamples:
 
     def _add(self, folder: Path, skip_damaged: bool, progress: Progress) -> None:
         """Add the samples of a folder; those that are not packed yet are packed on all cores."""
-        numbers, packed, unusable = sorted(samples_there(folder)), dict[int, Path](), dict[int, InputError]()
-        done = iter(range(1, len(numbers) + 1))
+        numbers, unusable = sorted(samples_there(folder)), dict[Path, InputError]()
+        found: list[tuple[int, Path, Path]] = []
+        running: deque[tuple[Path, Future[None]]] = deque()
 
-        def pack(number: int) -> None:
-            path = sample_path(folder, number)
+        def finish_first() -> None:
+            path, work = running.popleft()
             try:
-                packed[number] = self._packed_path(path)
-                if not packed[number].is_file() or packed[number].is_symlink():
-                    _pack(path, packed[number])
+                work.result()
             except (FormatError, NoObject) as error:
                 if isinstance(error, FormatError) and not skip_damaged:
                     raise FormatError(f"{error}, or leave such samples out with --skip-damaged") from None
-                unusable[number] = error
+                unusable[path] = error
 
-        def tell() -> None:
-            place = next(done)
-            progress(place / len(numbers), f"packing sample {place} of {len(numbers)}")
-
-        on_all_cores(pack, numbers, tell)
-        for number in numbers:
-            path = sample_path(folder, number)
-            if number in unusable:
-                log.warning("left out: %s", unusable[number])
-                self.left_out[path] = str(unusable[number])
+        with ThreadPoolExecutor(usable_cores()) as pool:
+            for place, number in enumerate(numbers):
+                path = sample_path(folder, number)
+                packed = self._packed_path(path)
+                found.append((number, path, packed))
+                if packed.is_file() and not packed.is_symlink():
+                    continue
+                if len(running) == usable_cores():  # so that progress tells what is packed by now
+                    finish_first()
+                progress(place / len(numbers), f"packing sample {place + 1} of {len(numbers)}")
+                running.append((path, pool.submit(_pack, path, packed)))
+            while running:
+                finish_first()
+        for number, path, packed in found:
+            if path in unusable:
+                log.warning("left out: %s", unusable[path])
+                self.left_out[path] = str(unusable[path])
                 continue
-            self._packed.append(packed[number])
+            self._packed.append(packed)
             self.names.append(f"{folder.name}/{number}")
             self.paths.append(path)
 
