@@ -23,6 +23,8 @@ SHAPES = "blobs,drapery,reliefs,groups,hollows,meshes"
 HELD_OUT = 96
 PARTS = 5  # of equal length. Each reads the samples made since the last one; a sixth lowers the learning rate to zero
 FIRST = 64  # samples to begin with
+# Half of the samples have their lights around the camera, half anywhere.
+FOLDERS = {"samples": "around", "samples_any_rig": "any"}
 
 
 def main() -> None:
@@ -39,24 +41,33 @@ def main() -> None:
     folder.mkdir(parents=True, exist_ok=True)
     made = ["synthesize", "--bounces", 3, "--merl", options.fits, "--shapes", SHAPES, "--meshes", options.meshes]
     mpsnet(*made, "--count", HELD_OUT, "--seed", 977, "--merl-part", "validation", "-o", folder / "validation")
-    made += ["--count", options.count, "--seed", 51, "--merl-part", "training", "-o", folder / "samples"]
+    made += ["--count", -(-options.count // 2), "--seed", 51, "--merl-part", "training"]
+    folders = [[*made, "--rigs", rigs, "-o", folder / name] for name, rigs in FOLDERS.items()]
     if options.minutes <= 0:
-        mpsnet(*made)
+        for each in folders:
+            mpsnet(*each)
         return
-    making = started(*made, "--progress", "none")  # two bars would share a line
+    making = [started(*each, "--progress", "none") for each in folders]  # two bars would share a line
     try:
-        while making.poll() is None and len([*folder.glob("samples/*.exr")]) < min(FIRST, options.count):
+        while any(one.poll() is None for one in making) and not all(begun(folder, options.count)):
             time.sleep(1)
         train(options, folder)
     finally:
-        making.terminate()  # what is made stays, and the same command goes on
-        making.wait()
+        for one in making:
+            one.terminate()  # what is made stays, and the same command goes on
+            one.wait()
+
+
+def begun(folder: Path, count: int) -> list[bool]:
+    """Of each folder of samples: whether it has enough to begin with."""
+    return [len([*folder.glob(f"{name}/*.exr")]) >= min(FIRST, count) / 2 for name in FOLDERS]
 
 
 def train(options: argparse.Namespace, folder: Path) -> None:
     """Train part by part, each on all samples that are there by then, then anneal and export."""
     checkpoint, minutes = folder / "multiscale.checkpoint", options.minutes / (PARTS + 1)
-    trained = ["train", "--recipe", options.recipe, "--samples", folder / "samples", "--cache", folder / "packed"]
+    trained = ["train", "--recipe", options.recipe, "--cache", folder / "packed"]
+    trained += [word for name in FOLDERS for word in ("--samples", folder / name)]
     rest = ["--checkpoint", checkpoint, "-o", folder / "multiscale.onnx"]
     steps = [0]
     for _ in range(PARTS):
@@ -89,4 +100,7 @@ def mpsnet(*arguments: object) -> None:
 
 
 if __name__ == "__main__":
-    main()
+    try:
+        main()
+    except KeyboardInterrupt:
+        sys.exit("stopped; the same command goes on")

@@ -69,6 +69,10 @@ class SampleJob:
     rigs of its evaluation, two or more measured materials that are matt and of weak colour, no paint, dirt or fine
     relief. "paper-all-materials" takes glossy, metallic and strongly coloured ones besides, as the paper does.
     "paper-one-rig" takes these too, and the paper's own rig only."""
+    rigs: Literal["around", "any"] = "around"
+    """"around": three lights around the camera, about 120 degrees apart. "any": each anywhere in front of the object,
+    and often all on one side, as long as they determine a normal. For the style "photographs"; the paper's have their
+    own rigs."""
     sample_seconds: int = limited(3600, 1, 10_000_000)
     """Time limit in seconds of a worker for one sample."""
 
@@ -95,6 +99,8 @@ class SampleJob:
             raise SettingsError(f"synthesis follows light over 0 to {MAX_BOUNCES} bounces, not {self.bounces}")
         if self.style != "photographs" and not self.merl:
             raise SettingsError("the paper's samples are of measured materials; name them (merl)")
+        if self.style != "photographs" and self.rigs != "around":
+            raise SettingsError("the paper's samples have the paper's rigs; leave out where the lights are (rigs)")
         if self.renderer == "cycles" and self.merl:
             raise SettingsError("measured materials (merl) are for synthesis alone; leave them out for Blender")
 

@@ -152,6 +152,11 @@ class Synthesize(RunsWorkers):
         },
         help="style of the samples",
     )
+    rigs: Literal["around", "any"] = option(
+        default=SampleJob.rigs,
+        choices={"around": "around the camera, about 120° apart", "any": "anywhere, and often on one side"},
+        help="where the three lights of photographs are",
+    )
     views: int = job_number("views", "samples in a row that show one shape, each in another pose, light and material")
     bounces: int = option(
         default=SampleJob.bounces,
@@ -188,7 +193,7 @@ class Synthesize(RunsWorkers):
             shapes = tuple(name.strip() for name in self.shapes.split(",") if name.strip())
         else:
             shapes = ("meshes",) if self.meshes else SampleJob.shapes
-        same = ("count", "seed", "size", "merl_part", "views", "bounces", "supersampling", "style")
+        same = ("count", "seed", "size", "merl_part", "views", "bounces", "supersampling", "style", "rigs")
         # Workers may have another working directory.
         meshes, merl = (str(resolved(place)) if place else "" for place in (self.meshes, self.merl))
         settings = {name: getattr(self, name) for name in same}

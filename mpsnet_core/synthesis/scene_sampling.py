@@ -38,6 +38,9 @@ ORTHOGRAPHIC_DISTANCE = 10.0
 SLANT = (20.0, 60.0)  # degrees, of the rig
 SLANT_SPREAD, TILT_SPREAD = 4.0, 8.0  # degrees, standard deviation of each light about its nominal direction
 TILT_REACH = 30.0  # degrees, largest deviation of a light's tilt
+# Any other rig: each light's slant in degrees, and the least volume that the three directions span. Rigs of three lamps
+# on one side of an object, as people set them up, have volumes from 0.1 on; those around the camera 0.3 to 1.
+ANY_SLANT, LEAST_VOLUME = (4.0, 65.0), 0.08
 SHARP_LIGHT_SHARE = 0.4
 SHARP_LIGHT, SOFT_LIGHT = (0.0, 1.0), (1.0, 20.0)  # degrees, angular diameter
 # Shares of the samples with no, one, two and three bounces between surfaces, limited by the job's maximum.
@@ -113,7 +116,7 @@ def draw_scene(job: SampleJob, number: int) -> SceneDescription:
         shape=shape,
         rotation=_rotation(rng, shape["pose"]),
         camera=_camera(rng, job.size),
-        light_directions=_light_directions(rng),
+        light_directions=_any_directions(rng) if job.rigs == "any" else _light_directions(rng),
         light_sizes=np.full(3, _light_size(rng)),
         materials=() if shape["kind"] == "scene" else _materials(rng, finish, count, _measured(job)),
         pattern=_pattern(rng, count),
@@ -196,6 +199,13 @@ def _light_directions(rng: np.random.Generator) -> F64:
     handed = 1 if rng.random() < 0.5 else -1
     strays = np.clip(TILT_SPREAD * rng.normal(size=3), -TILT_REACH, TILT_REACH)
     return direction_from_angles(slants, 360 * rng.random() + handed * np.array([0, 120, 240]) + strays)
+
+
+def _any_directions(rng: np.random.Generator) -> F64:
+    while True:
+        directions = direction_from_angles(rng.uniform(*ANY_SLANT, 3), rng.uniform(0, 360, 3))
+        if abs(np.linalg.det(directions)) > LEAST_VOLUME:
+            return directions
 
 
 def _published_directions(rng: np.random.Generator, rigs: Sequence[Any]) -> F64:

@@ -82,6 +82,18 @@ def test_lights_are_within_their_slants_and_surround_the_camera():
         assert recipe.light_sizes.min() >= 0 and recipe.light_sizes.max() <= 20
 
 
+def test_lights_of_any_rig_are_often_on_one_side_and_determine_a_normal():
+    job = SampleJob(renderer="synthesis", count=300, seed=5, size=64, rigs="any")
+    directions = np.array([draw_scene(job, number).light_directions for number in range(300)])
+    slants, tilts = angles_of(directions)
+    assert slants.min() < 10 and slants.max() > 60 and slants.max() < 70
+    assert np.linalg.svd(directions, compute_uv=False)[:, -1].min() > 0.02
+    gaps = np.diff(np.sort(tilts), axis=1)
+    widest = np.maximum(gaps.max(axis=1), 360 - gaps.sum(axis=1))
+    # Three tilts drawn at random lie within half a turn three times in four.
+    assert 0.5 < (widest > 180).mean() < 0.85
+
+
 @pytest.mark.parametrize("most", [0, 1, 2, 3])
 def test_light_bounces_up_to_as_often_as_the_job_asks(most: int):
     job = SampleJob(renderer="synthesis", count=400, seed=5, size=64, bounces=most)
