@@ -2,12 +2,13 @@
 
 python examples/train_lights.py --samples FOLDER [--samples FOLDER ...] --validation FOLDER [--steps N] [-o FILE]
 
-The samples are those of `mpsnet synthesize`; 128 pixels a side suffice. It takes about half an hour on one core, and
-goes on from lights.onnx.checkpoint. It needs pip install '.[train]'. Measure the printed "within 2" on the held-out
-samples, and set ERROR_SCALE in mpsnet_core/estimate/lights/find.py so that it is 0.95.
+The samples are those of `mpsnet synthesize`; 128 pixels a side suffice. It takes about half an hour, and goes on from
+lights.onnx.checkpoint; lights.packed may be deleted. It needs pip install '.[train]'. Measure the printed "within 2" on
+the held-out samples, and set ERROR_SCALE in mpsnet_core/estimate/lights/find.py so that it is 0.95.
 """
 
 import argparse
+from concurrent.futures import ThreadPoolExecutor
 from itertools import pairwise
 from pathlib import Path
 
@@ -22,6 +23,7 @@ from torch.nn import functional
 from mpsnet_core.arrays.unit_vectors import normalised
 from mpsnet_core.errors import InputError
 from mpsnet_core.estimate.lights.find import SIDE, crops, into_views
+from mpsnet_core.learning.training.loop import resolved_precision
 from mpsnet_core.learning.training.packed import PackedSamples
 from mpsnet_core.learning.training.photo_simulation import simulate_photo
 from mpsnet_core.synthesis.capture_model import CaptureModel
@@ -105,6 +107,7 @@ def train(samples: PackedSamples, held_out: PackedSamples, steps: int, checkpoin
     network, mean = LightNetwork(), LightNetwork().eval()
     mean.load_state_dict(network.state_dict())
     optimiser = torch.optim.AdamW(network.parameters(), lr=LEARNING_RATE, weight_decay=0.02)
+    precision = resolved_precision("auto", torch.device("cpu"))
     first = 0
     if checkpoint.exists():
         state = torch.load(checkpoint, weights_only=True)
@@ -113,30 +116,35 @@ def train(samples: PackedSamples, held_out: PackedSamples, steps: int, checkpoin
         optimiser.load_state_dict(state["optimiser"])
         first = state["step"]
     tests = batch(held_out, 2, 0, 200, 1)
-    for step in range(first, steps):
-        rate = min(1.0, (step + 1) / 200) * min(1.0, (steps - step) / steps / DECAYED)
-        for group in optimiser.param_groups:
-            group["lr"] = LEARNING_RATE * rate
-        seen, lights = batch(samples, 1, step, BATCH, VIEWS_OF_EACH)
-        directions, errors = network(seen[:, :3], seen[:, 3:])
-        loss = (angles(directions, lights) / errors + 2 * torch.log(errors)).mean()  # Laplace's distribution
-        optimiser.zero_grad()
-        loss.backward()
-        nn.utils.clip_grad_norm_(network.parameters(), 1.0)
-        optimiser.step()
-        with torch.no_grad():
-            for kept, new in zip(mean.parameters(), network.parameters(), strict=True):
-                kept.lerp_(new, 1 - min(0.998, (1 + step) / (10 + step)))
-            for kept, new in zip(mean.buffers(), network.buffers(), strict=True):
-                kept.copy_(new)
-        if step % 250 == 249 or step == steps - 1:
+    with ThreadPoolExecutor(1) as ahead:  # photographs the next batch during a step
+        following = ahead.submit(batch, samples, 1, first, BATCH, VIEWS_OF_EACH)
+        for step in range(first, steps):
+            rate = min(1.0, (step + 1) / 200) * min(1.0, (steps - step) / steps / DECAYED)
+            for group in optimiser.param_groups:
+                group["lr"] = LEARNING_RATE * rate
+            seen, lights = following.result()
+            following = ahead.submit(batch, samples, 1, step + 1, BATCH, VIEWS_OF_EACH)
+            with torch.autocast("cpu", torch.bfloat16, enabled=precision == "bfloat16"):
+                directions, errors = (found.float() for found in network(seen[:, :3], seen[:, 3:]))
+            loss = (angles(directions, lights) / errors + 2 * torch.log(errors)).mean()  # Laplace's distribution
+            optimiser.zero_grad()
+            loss.backward()
+            nn.utils.clip_grad_norm_(network.parameters(), 1.0)
+            optimiser.step()
             with torch.no_grad():
-                directions, errors = mean(tests[0][:, :3], tests[0][:, 3:])
-            off = angles(directions, tests[1])
-            within = float((off < 2 * errors).float().mean())
-            print(f"{step + 1}: held out {float(torch.rad2deg(off.mean())):.2f}°, within 2: {within:.2f}", flush=True)
-            state = {"network": network, "mean": mean, "optimiser": optimiser}
-            torch.save({name: one.state_dict() for name, one in state.items()} | {"step": step + 1}, checkpoint)
+                for kept, new in zip(mean.parameters(), network.parameters(), strict=True):
+                    kept.lerp_(new, 1 - min(0.998, (1 + step) / (10 + step)))
+                for kept, new in zip(mean.buffers(), network.buffers(), strict=True):
+                    kept.copy_(new)
+            if step % 250 == 249 or step == steps - 1:
+                with torch.no_grad():
+                    directions, errors = mean(tests[0][:, :3], tests[0][:, 3:])
+                off = angles(directions, tests[1])
+                within = float((off < 2 * errors).float().mean())
+                degrees = float(torch.rad2deg(off.mean()))
+                print(f"{step + 1}: held out {degrees:.2f}°, within 2: {within:.2f}", flush=True)
+                state = {"network": network, "mean": mean, "optimiser": optimiser}
+                torch.save({name: one.state_dict() for name, one in state.items()} | {"step": step + 1}, checkpoint)
     return mean
 
 
@@ -177,7 +185,8 @@ def main() -> None:
     parser.add_argument("--steps", type=int, default=4200, help="steps in all")
     parser.add_argument("-o", "--output", type=Path, default=Path("lights.onnx"))
     options = parser.parse_args()
-    samples, held_out = PackedSamples(options.samples), PackedSamples([options.validation])
+    cache = options.output.with_suffix(".packed")
+    samples, held_out = (PackedSamples(folders, cache=cache) for folders in (options.samples, [options.validation]))
     write(train(samples, held_out, options.steps, options.output.with_suffix(".onnx.checkpoint")), options.output)
 
 

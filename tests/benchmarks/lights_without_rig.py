@@ -2,7 +2,8 @@
 
 python tests/benchmarks/lights_without_rig.py [--diligent pmsData] [--samples FOLDER ...]
 
-DiLiGenT's ball and cat are seen under the paper's four triples of lights, mixed as in the paper and each alone (white).
+DiLiGenT's ball and cat are seen under the paper's four triples of lights and under four triples on one side of the
+object, mixed as in the paper and each alone (white).
 Samples are those of `mpsnet synthesize`, photographed under three colours with up to 35% crosstalk, and under one white
 light each.
 """
@@ -29,6 +30,9 @@ MODELS = {
     "coloured": CaptureModel(**COMMON, crosstalk=(0.0, 0.35)),
     "white": CaptureModel(**COMMON, crosstalk=(0.0, 0.0), colour_overlap=(1.0, 1.0), overlap_shares=(1.0, 1.0)),
 }
+
+# Numbers of DiLiGenT's lights that are all on one side of the object: within half a turn around the camera's axis.
+ON_ONE_SIDE = ((89, 96, 72), (89, 96, 8), (73, 78, 8), (41, 48, 8))
 
 Case = tuple[Capture, NDArray[np.float64]]
 
@@ -70,8 +74,9 @@ def main() -> None:
     for name in ("ball", "cat") if options.diligent else ():
         folder = object_folder(options.diligent, name)
         for protocol in ("published", "white"):
-            captures = [read_diligent(folder, lights, protocol) for lights in PUBLISHED_LIGHTS]
-            report(f"{name}, {protocol}", ((one, one.rig.directions) for one in captures))
+            for where, triples in (("around", PUBLISHED_LIGHTS), ("on one side", ON_ONE_SIDE)):
+                captures = [read_diligent(folder, lights, protocol) for lights in triples]
+                report(f"{name}, {protocol}, {where}", ((one, one.rig.directions) for one in captures))
     for folder in options.samples:
         samples = PackedSamples([folder])
         for name, model in MODELS.items():

@@ -91,7 +91,7 @@ def _reduced(pixels: Floats, mask: Bools) -> F32:
 
 NETWORK = MODELS_FOLDER / "lights.onnx"
 # Factor on the network's own errors that makes 19 of 20 lights of held-out samples lie within twice of them.
-ERROR_SCALE = 2.25
+ERROR_SCALE = 1.85
 
 
 class LightsGuess(NamedTuple):

@@ -251,7 +251,7 @@ class _Run:
             held_out = read(validation)
             self.held_out = simulator(held_out, seed=VALIDATION_SEED, window=VALIDATION_CROP, shuffled=False)
         self.fingerprint = _fingerprint(samples, packed.names)
-        self.precision = _resolved_precision(precision, device)
+        self.precision = resolved_precision(precision, device)
         torch.backends.cudnn.deterministic = True
         self.step, self.seconds = 0, 0.0
         self.continues: dict[str, Any] | None = None
@@ -448,7 +448,8 @@ def _hashed_seed(*key: int) -> int:
     return int.from_bytes(hashlib.sha256(repr(key).encode()).digest()[:7], "big")
 
 
-def _resolved_precision(precision: Precision, device: torch.device) -> str:
+def resolved_precision(precision: Precision, device: torch.device) -> str:
+    """The precision of layers: "auto" is bfloat16 where the hardware computes in it."""
     if precision != "auto":
         return precision
     if device.type == "cuda":
