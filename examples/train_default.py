@@ -23,8 +23,8 @@ SHAPES = "blobs,drapery,reliefs,groups,hollows,meshes"
 HELD_OUT = 96
 PARTS = 5  # of equal length. Each reads the samples made since the last one; a sixth lowers the learning rate to zero
 FIRST = 64  # samples to begin with
-# Half of the samples have their lights around the camera, half anywhere.
-FOLDERS = {"samples": "around", "samples_any_rig": "any"}
+# Half of the samples have their lights around the camera, half anywhere. Seeds differ, and so do their shapes.
+FOLDERS = {"samples": ("around", 51), "samples_any_rig": ("any", 52)}
 
 
 def main() -> None:
@@ -41,8 +41,8 @@ def main() -> None:
     folder.mkdir(parents=True, exist_ok=True)
     made = ["synthesize", "--bounces", 3, "--merl", options.fits, "--shapes", SHAPES, "--meshes", options.meshes]
     mpsnet(*made, "--count", HELD_OUT, "--seed", 977, "--merl-part", "validation", "-o", folder / "validation")
-    made += ["--count", -(-options.count // 2), "--seed", 51, "--merl-part", "training"]
-    folders = [[*made, "--rigs", rigs, "-o", folder / name] for name, rigs in FOLDERS.items()]
+    made += ["--count", -(-options.count // 2), "--merl-part", "training"]
+    folders = [[*made, "--rigs", rigs, "--seed", seed, "-o", folder / name] for name, (rigs, seed) in FOLDERS.items()]
     if options.minutes <= 0:
         for each in folders:
             mpsnet(*each)
