@@ -90,7 +90,8 @@ def _reduced(pixels: Floats, mask: Bools) -> F32:
 
 
 NETWORK = MODELS_FOLDER / "lights.onnx"
-# Factor on the network's own errors that makes 19 of 20 lights of held-out samples lie within twice of them.
+# Factor on the network's own errors that makes about 19 of 20 lights of held-out samples lie within twice of them, if the
+# lights are around the camera.
 ERROR_SCALE = 1.85
 
 
@@ -316,7 +317,7 @@ class LightFound:
     tilt: float
     """Angle in the photo, in degrees counter-clockwise from the right."""
     uncertainty: float
-    """Expected error in degrees; 19 of 20 lights are within twice of it."""
+    """Expected error in degrees; nine of ten lights around the camera are within twice of it."""
 
     def __str__(self) -> str:
         side = SIDES[round(self.tilt / 45) % 8]
