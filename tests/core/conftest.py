@@ -49,6 +49,16 @@ def sphere() -> Sphere:
     return shaded_sphere()
 
 
+@pytest.fixture(scope="module")
+def workshop(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with a good file of every kind."""
+    from workshop import fill
+
+    here = tmp_path_factory.mktemp("workshop")
+    fill(here)
+    return here
+
+
 @pytest.fixture
 def rig_file(tmp_path: Path, sphere: Sphere) -> Path:
     path = tmp_path / "rig.json"

@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from workshop import READS, VERBS, fill
+from workshop import READS, VERBS
 
 from mpsnet_core.cli import main
 from mpsnet_core.cli.command import OPERATIONS
@@ -26,13 +26,6 @@ pytestmark = [pytest.mark.long, pytest.mark.skipif(sys.platform == "win32", reas
 
 LINES = list(dict.fromkeys([*READS.values(), *VERBS]))
 MINE = b"mine"
-
-
-@pytest.fixture(scope="module")
-def workshop(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    here = tmp_path_factory.mktemp("workshop")
-    fill(here)
-    return here
 
 
 class Place:

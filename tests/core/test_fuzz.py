@@ -20,7 +20,7 @@ import pytest
 from hypothesis import HealthCheck, Phase, given, seed, settings
 from hypothesis import strategies as st
 from odd_input import WORDS, odd_picture, odd_pixels, spoilt
-from workshop import READS, SIDE, SPHERE, VERBS, fill
+from workshop import READS, SIDE, SPHERE, VERBS
 
 from mpsnet_core import InputError, read_cameras, read_height, read_sample
 from mpsnet_core.cli import main
@@ -43,14 +43,6 @@ READERS: dict[str, Callable[[Path], Any]] = {
 }
 # A scheduler that is not there is waited for; --blender starts what it names.
 NOT_TRIED = {"--cluster", "--blender", "--help", "--version"}
-
-
-@pytest.fixture(scope="module")
-def workshop(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A folder with a good file of every kind."""
-    here = tmp_path_factory.mktemp("workshop")
-    fill(here)
-    return here
 
 
 @dataclass(frozen=True)

@@ -90,8 +90,8 @@ def _reduced(pixels: Floats, mask: Bools) -> F32:
 
 
 NETWORK = MODELS_FOLDER / "lights.onnx"
-# Factor on the network's own errors that makes about 19 of 20 lights of held-out samples lie within twice of them, if the
-# lights are around the camera.
+# Factor on the network's own errors that makes about 19 of 20 lights of held-out samples lie within twice of them, if
+# they are around the camera.
 ERROR_SCALE = 1.85
 
 

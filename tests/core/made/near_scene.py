@@ -5,6 +5,7 @@ from functools import cache
 from typing import Any
 
 import numpy as np
+from synthetic import Sphere
 
 from mpsnet_core import Camera, Capture, LightRig, near_rig, published_rig
 
@@ -16,20 +17,14 @@ NEAR = 3.0
 
 
 @dataclass(frozen=True)
-class Scene:
-    """lit: (H, W) where all three lights reach. rest: for :class:`Capture`, beside image, mask and rig."""
+class Scene(Sphere):
+    """A sphere or lump close to the lens."""
 
-    image: np.ndarray
-    normals: np.ndarray
-    mask: np.ndarray
-    lit: np.ndarray
-    rig: LightRig
     camera: Camera
     depth: np.ndarray
 
     def capture(self, **changes: Any) -> Capture:
-        known = {name: getattr(self, name) for name in ("image", "mask", "rig", "camera", "depth")}
-        return Capture(**{**known, **changes})
+        return super().capture(**{"camera": self.camera, "depth": self.depth, **changes})
 
 
 @cache
