@@ -404,7 +404,7 @@ def with_lights(
     if source.rig is not None:
         return source, None
     found = find_lights_of(photos, options)
-    log.warning("lights found in the photo: %s; calibrate to gain up to 1.5° [lights-found]", str(found))
+    log.warning("lights found in the photo: %s; calibrate to gain up to 2° [lights-found]", str(found))
     return replace(source, rig=found.rig), found.facts()
 
 
