@@ -49,7 +49,7 @@ def main() -> None:
         return
     making = [started(*each, "--progress", "none") for each in folders]  # two bars would share a line
     try:
-        while any(one.poll() is None for one in making) and not all(begun(folder, options.count)):
+        while any(one.poll() is None for one in making) and not begun(folder, options.count):
             time.sleep(1)
         train(options, folder)
     finally:
@@ -58,9 +58,9 @@ def main() -> None:
             one.wait()
 
 
-def begun(folder: Path, count: int) -> list[bool]:
-    """Of each folder of samples: whether it has enough to begin with."""
-    return [len([*folder.glob(f"{name}/*.exr")]) >= min(FIRST, count) / 2 for name in FOLDERS]
+def begun(folder: Path, count: int) -> bool:
+    """Whether each folder of samples has enough to begin with."""
+    return all(len([*folder.glob(f"{name}/*.exr")]) >= min(FIRST, count) / 2 for name in FOLDERS)
 
 
 def train(options: argparse.Namespace, folder: Path) -> None:

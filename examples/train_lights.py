@@ -8,8 +8,9 @@ the held-out samples, and set ERROR_SCALE in mpsnet_core/estimate/lights/find.py
 """
 
 import argparse
+from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
-from itertools import pairwise
+from itertools import count, pairwise
 from pathlib import Path
 
 import numpy as np
@@ -97,6 +98,16 @@ def batch(samples: PackedSamples, seed: int, step: int, size: int, views: int) -
     return torch.from_numpy(np.array(seen)), torch.from_numpy(np.array(lights, np.float32))
 
 
+def batches(samples: PackedSamples, first: int) -> Iterator[tuple[Tensor, Tensor]]:
+    """The batches of all steps from the first one on, each photographed during the step before."""
+    with ThreadPoolExecutor(1) as ahead:
+        following = ahead.submit(batch, samples, 1, first, BATCH, VIEWS_OF_EACH)
+        for step in count(first + 1):
+            now = following.result()
+            following = ahead.submit(batch, samples, 1, step, BATCH, VIEWS_OF_EACH)
+            yield now
+
+
 def angles(directions: Tensor, lights: Tensor) -> Tensor:
     """(N, 3) angles in radians."""
     return torch.acos((directions * lights).sum(2).clamp(-1 + 1e-6, 1 - 1e-6))
@@ -116,35 +127,30 @@ def train(samples: PackedSamples, held_out: PackedSamples, steps: int, checkpoin
         optimiser.load_state_dict(state["optimiser"])
         first = state["step"]
     tests = batch(held_out, 2, 0, 200, 1)
-    with ThreadPoolExecutor(1) as ahead:  # photographs the next batch during a step
-        following = ahead.submit(batch, samples, 1, first, BATCH, VIEWS_OF_EACH)
-        for step in range(first, steps):
-            rate = min(1.0, (step + 1) / 200) * min(1.0, (steps - step) / steps / DECAYED)
-            for group in optimiser.param_groups:
-                group["lr"] = LEARNING_RATE * rate
-            seen, lights = following.result()
-            following = ahead.submit(batch, samples, 1, step + 1, BATCH, VIEWS_OF_EACH)
-            with torch.autocast("cpu", torch.bfloat16, enabled=precision == "bfloat16"):
-                directions, errors = (found.float() for found in network(seen[:, :3], seen[:, 3:]))
-            loss = (angles(directions, lights) / errors + 2 * torch.log(errors)).mean()  # Laplace's distribution
-            optimiser.zero_grad()
-            loss.backward()
-            nn.utils.clip_grad_norm_(network.parameters(), 1.0)
-            optimiser.step()
+    for step, (seen, lights) in zip(range(first, steps), batches(samples, first), strict=False):
+        rate = min(1.0, (step + 1) / 200) * min(1.0, (steps - step) / steps / DECAYED)
+        for group in optimiser.param_groups:
+            group["lr"] = LEARNING_RATE * rate
+        with torch.autocast("cpu", torch.bfloat16, enabled=precision == "bfloat16"):
+            directions, errors = (found.float() for found in network(seen[:, :3], seen[:, 3:]))
+        loss = (angles(directions, lights) / errors + 2 * torch.log(errors)).mean()  # Laplace's distribution
+        optimiser.zero_grad()
+        loss.backward()
+        nn.utils.clip_grad_norm_(network.parameters(), 1.0)
+        optimiser.step()
+        with torch.no_grad():
+            for kept, new in zip(mean.parameters(), network.parameters(), strict=True):
+                kept.lerp_(new, 1 - min(0.998, (1 + step) / (10 + step)))
+            for kept, new in zip(mean.buffers(), network.buffers(), strict=True):
+                kept.copy_(new)
+        if step % 250 == 249 or step == steps - 1:
             with torch.no_grad():
-                for kept, new in zip(mean.parameters(), network.parameters(), strict=True):
-                    kept.lerp_(new, 1 - min(0.998, (1 + step) / (10 + step)))
-                for kept, new in zip(mean.buffers(), network.buffers(), strict=True):
-                    kept.copy_(new)
-            if step % 250 == 249 or step == steps - 1:
-                with torch.no_grad():
-                    directions, errors = mean(tests[0][:, :3], tests[0][:, 3:])
-                off = angles(directions, tests[1])
-                within = float((off < 2 * errors).float().mean())
-                degrees = float(torch.rad2deg(off.mean()))
-                print(f"{step + 1}: held out {degrees:.2f}°, within 2: {within:.2f}", flush=True)
-                state = {"network": network, "mean": mean, "optimiser": optimiser}
-                torch.save({name: one.state_dict() for name, one in state.items()} | {"step": step + 1}, checkpoint)
+                directions, errors = mean(tests[0][:, :3], tests[0][:, 3:])
+            off = angles(directions, tests[1])
+            within = float((off < 2 * errors).float().mean())
+            print(f"{step + 1}: held out {float(torch.rad2deg(off.mean())):.2f}°, within 2: {within:.2f}", flush=True)
+            state = {"network": network, "mean": mean, "optimiser": optimiser}
+            torch.save({name: one.state_dict() for name, one in state.items()} | {"step": step + 1}, checkpoint)
     return mean
 
 

@@ -104,6 +104,7 @@ test_a_bad_job_gets_one_clear_sentence = gets_one_clear_sentence(
         ("shapes as text", lambda b: make(b, shapes="blobs"), "job's shapes must be a list of names, not 'blobs'"),
         ("objects without Blender", lambda b: make(b, objects=["Bear"], shapes=["scene"]), "scene's objects are"),
         ("measured materials in Blender", lambda b: make(b, renderer="cycles", merl="m.npz"), "merl) are for"),
+        ("the paper's, lights anywhere", lambda b: make(b, merl="m.npz", style="paper", rigs="any"), "paper's rigs"),
         ("Blender for a synthesis", lambda b: make(b, "--blender", "blender"), "made without Blender"),
         (lambda b: make(b, "--blender", b / "blender", renderer="cycles"), "cannot run…blender (No such file…)"),
     ]
