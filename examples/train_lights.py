@@ -115,6 +115,7 @@ def angles(directions: Tensor, lights: Tensor) -> Tensor:
 
 def train(samples: PackedSamples, held_out: PackedSamples, steps: int, checkpoint: Path) -> LightNetwork:
     """The exponential mean of a network's weights over its training."""
+    torch.manual_seed(0)
     network, mean = LightNetwork(), LightNetwork().eval()
     mean.load_state_dict(network.state_dict())
     optimiser = torch.optim.AdamW(network.parameters(), lr=LEARNING_RATE, weight_decay=0.02)

@@ -34,7 +34,8 @@ def check_same_size(name: str, shape: Sequence[int], other: str, expected: Seque
 def finite_array(value: ArrayLike, shape: tuple[int, ...], what: str, most: float) -> F64:
     """A copy of `value` as an array of `shape`. Raises GeometryError if it is none, or a number exceeds `most`."""
     try:
-        array = np.array(value, dtype=np.float64)
+        given = np.array(value)
+        array = given.astype(np.float64) if given.dtype.kind in "iuf" else np.empty(0)
     except (TypeError, ValueError, OverflowError):
         array = np.empty(0)
     if array.shape != shape or not np.isfinite(array).all():

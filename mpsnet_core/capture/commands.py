@@ -6,7 +6,7 @@ from pathlib import Path
 from mpsnet_core.capture.open import Source
 from mpsnet_core.capture.operations import Check, FindMask, MaskFound, PhotoChecked, PhotoMade, Superpose
 from mpsnet_core.capture.photo_check import check_photo, worst
-from mpsnet_core.capture.superpose import as_channels, superpose
+from mpsnet_core.capture.superpose import added_up, read_shots, stacked
 from mpsnet_core.errors import SettingsError
 from mpsnet_core.io.files import (
     check_no_overwrite,
@@ -37,16 +37,15 @@ def superpose_photos(options: Superpose, progress: Progress) -> PhotoMade:
     # A sum of lights can be above 1, which only float files hold.
     bits = checked_bits(Path(options.output), None if is_png else 32)
     progress(0.0, "combining the photos")
-    combine = as_channels if options.channels else superpose
-    photo = combine(files, encoding=options.encoding)
+    shots = read_shots(files, options.encoding, grey=options.channels)
+    photo = stacked(shots) if options.channels else added_up(shots)
     if is_png:
         encoded = linear_to_srgb(photo.pixels / max(1.0, float(photo.pixels.max())))
         photo = replace(photo, pixels=encoded)
     with write_transaction():
         write_photo(options.output, photo, bits=bits, linear=not is_png)
         if options.white:
-            white = superpose(files, encoding=options.encoding, grey=True)
-            write_photo(options.white, white, bits=checked_bits(Path(options.white), 32), linear=True)
+            write_photo(options.white, added_up(shots), bits=checked_bits(Path(options.white), 32), linear=True)
     progress(1.0, "done")
     if not options.channels:
         return PhotoMade(options.output, text=f"{options.output}: {len(files)} photo(s), added up")

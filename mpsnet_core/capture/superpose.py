@@ -41,7 +41,11 @@ def superpose(photos: Sequence[AnyPath], *, encoding: Encoding = "auto", grey: b
     GeometryError
         If sizes differ, or the result is fully transparent.
     """
-    images = _read(photos, encoding, grey=grey)
+    return added_up(read_shots(photos, encoding, grey=grey))
+
+
+def added_up(images: Sequence[Image]) -> Image:
+    """The sum of images, as :func:`superpose` makes it."""
     coloured = [np.broadcast_to(image.pixels, (*image.pixels.shape[:2], 3)) for image in images]
     return _together(images, np.sum(coloured, axis=0))
 
@@ -71,9 +75,13 @@ def as_channels(photos: Sequence[AnyPath], *, encoding: Encoding = "auto") -> Im
     GeometryError
         If sizes differ, or the result is fully transparent.
     """
-    if len(photos) != 3:
-        raise SettingsError(f"{len(photos)} photo(s) where three are needed, one for each light in the rig's order")
-    images = _read(photos, encoding, grey=True)
+    return stacked(read_shots(photos, encoding, grey=True))
+
+
+def stacked(images: Sequence[Image]) -> Image:
+    """The channels of one photo, as :func:`as_channels` makes them of three images."""
+    if len(images) != 3:
+        raise SettingsError(f"{len(images)} photo(s) where three are needed, one for each light in the rig's order")
     means = []
     for image in images:
         clipped, full = image.saturated.any(axis=-1), np.maximum(np.float32(1), image.pixels.max())
@@ -81,7 +89,11 @@ def as_channels(photos: Sequence[AnyPath], *, encoding: Encoding = "auto") -> Im
     return _together(images, np.stack(means, axis=-1))
 
 
-def _read(photos: Sequence[AnyPath], encoding: Encoding, grey: bool) -> list[Image]:
+def read_shots(photos: Sequence[AnyPath], encoding: Encoding, *, grey: bool) -> list[Image]:
+    """Photos of an object that did not move, one for each light, with warnings of what is wrong with them.
+
+    grey: see :func:`superpose`. Raises SettingsError if no photo is given, GeometryError if sizes differ.
+    """
     if not photos:
         raise SettingsError("there is no photo to superpose; give one for each light")
     images = [*in_one_frame(photos, partial(read_image, encoding=encoding, grey=grey))]

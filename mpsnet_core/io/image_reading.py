@@ -378,7 +378,7 @@ def read_mask(path: AnyPath) -> Bools:
     """
     values, names, spec = read_layer(Path(path), None)
     if "A" in names:
-        alpha = _as_float(values[..., names.pop("A")])
+        alpha = np.nan_to_num(_as_float(values[..., names.pop("A")]))
         if alpha.min() < alpha.max() or not names:
             return alpha > 0.5
     brightest = values[..., list(names.values())].max(axis=-1)

@@ -1,10 +1,11 @@
 """Light rigs: the three lights and how their colours mix into the camera's channels; rig files."""
 
+import re
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -29,6 +30,7 @@ LIGHT_NAMES = ("first", "second", "third")
 # Limits of lengths and mixing weights in rig files: their squares and inverses stay finite.
 MAX_VALUE = 1e12
 MIN_MIXING = 1e-6
+MAX_ANGLE = 360.0
 
 MAX_LOBE = 100
 # A light with a lobe lights nothing behind it; this lower limit keeps divisions by its brightness finite.
@@ -132,21 +134,12 @@ class LightRig:
                 "the three light directions lie (nearly) in one plane, so they do not determine a normal; move one "
                 "light out of the plane of the other two"
             )
-        mixing = finite_array(self.mixing, (3, 3), "the mixing matrix", MAX_VALUE)
-        singular = np.linalg.svd(mixing, compute_uv=False)
-        if not MIN_MIXING <= singular[0] <= 1 / MIN_MIXING:
-            raise GeometryError(f"the mixing matrix is of the size {singular[0]:.3g}; scale its entries to about 1")
-        if singular[-1] <= MIN_SINGULAR_VALUE * singular[0]:
-            raise GeometryError(
-                "the mixing matrix cannot be inverted: two lights look the same to the camera; measure it again or "
-                "leave it out"
-            )
+        mixing = _invertible(self.mixing)
         directions.flags.writeable = False
         if self.near is not None:
             axes = self.near.positions - self.near.target
             if np.linalg.norm(axes / np.linalg.norm(axes, axis=1, keepdims=True) - directions, axis=1).max() > 1e-6:
                 raise GeometryError("the rig's directions are not those from its target to its lights; leave them out")
-        mixing.flags.writeable = False
         object.__setattr__(self, "directions", directions)
         object.__setattr__(self, "mixing", mixing)
 
@@ -173,6 +166,21 @@ class LightRig:
     def tilts(self) -> F64:
         """(3,) angles from +x towards +y in degrees, 0 to 360."""
         return angles_of(self.directions)[1]
+
+
+def _invertible(mixing: ArrayLike) -> F64:
+    """A read-only copy of a mixing matrix. Raises GeometryError if it has no inverse."""
+    matrix = finite_array(mixing, (3, 3), "the mixing matrix", MAX_VALUE)
+    singular = np.linalg.svd(matrix, compute_uv=False)
+    if not MIN_MIXING <= singular[0] <= 1 / MIN_MIXING:
+        raise GeometryError(f"the mixing matrix is of the size {singular[0]:.3g}; scale its entries to about 1")
+    if singular[-1] <= MIN_SINGULAR_VALUE * singular[0]:
+        raise GeometryError(
+            "the mixing matrix cannot be inverted: two lights look the same to the camera; measure it again or "
+            "leave it out"
+        )
+    matrix.flags.writeable = False
+    return matrix
 
 
 def slant_and_tilt(option: str, given: str) -> tuple[float, float]:
@@ -267,14 +275,7 @@ def read_rig(path: AnyPath) -> LightRig:
         directions = read_lp(path)[1]
         with prefix_errors(f"rig file {path}"):
             return _lp_rig(directions, path.name)
-    with rig_data(path) as (data, near):
-        named, mixing = list(zip(data["lights"], LIGHT_NAMES, strict=True)), data.get("mixing", np.eye(3))
-        exact = data.get("exact", False)
-        if near:
-            positions = [_json_position(light, name) for light, name in named]
-            return near_rig(positions, data["target"], mixing, data.get("lobe", 0.0), is_ground_truth=exact)
-        directions = np.array([_json_direction(light, name) for light, name in named])
-        return LightRig(directions, mixing, is_ground_truth=exact)
+    return _rig_of_file(path, LightRig)
 
 
 def has_mixing(path: AnyPath) -> bool:
@@ -307,26 +308,39 @@ def rig_data(path: AnyPath) -> Iterator[tuple[dict[str, Any], bool]]:
         yield data, near
 
 
+_Lights = TypeVar("_Lights", "LightRig", "WorldLights")
+
+
+def _rig_of_file(path: AnyPath, kind: type[_Lights]) -> _Lights:
+    with rig_data(path) as (data, is_near):
+        named, mixing = list(zip(data["lights"], LIGHT_NAMES, strict=True)), data.get("mixing", np.eye(3))
+        exact = data.get("exact", False)
+        if not is_near:
+            directions = [_json_direction(light, name, kind is WorldLights) for light, name in named]
+            return kind(np.array(directions), mixing, is_ground_truth=exact)
+        positions = np.array([_json_position(light, name) for light, name in named])
+        near = NearLights(positions, data["target"], data.get("lobe", 0.0))
+        return kind(near.positions - near.target, mixing, near, exact)
+
+
 def _json_position(light: Any, name: str) -> F64:
     if not isinstance(light, dict) or set(light) != {"position"}:
         raise FormatError(f'the {name} light needs a "position" [x, y, z] and nothing else, as the others have one')
     return finite_array(light["position"], (3,), f"the {name} light's position", MAX_VALUE)
 
 
-def _json_direction(light: Any, name: str) -> F64:
-    light = light if isinstance(light, dict) else {}
-    if ("direction" in light) == ("slant" in light and "tilt" in light):
-        raise FormatError(f'the {name} light needs either "direction" [x, y, z] or "slant" and "tilt" in degrees')
-    try:
-        if "direction" in light:
-            direction = np.array(light["direction"], dtype=np.float64)
-        else:
-            direction = direction_from_angles(float(light["slant"]), float(light["tilt"]))
-    except (TypeError, ValueError, OverflowError):
-        raise FormatError(f"the {name} light holds something that is not a number") from None
-    if direction.shape != (3,):
-        raise FormatError(f"the {name} light's direction needs three numbers")
-    return direction
+def _json_direction(light: Any, name: str, in_world: bool) -> F64:
+    given = set(light) if isinstance(light, dict) else set()
+    if given == {"direction"}:
+        return finite_array(light["direction"], (3,), f"the {name} light's direction", MAX_VALUE)
+    if in_world:
+        raise FormatError(f'the {name} light stands in the world, where it needs a "direction" [x, y, z] alone')
+    if given != {"slant", "tilt"}:
+        raise FormatError(
+            f'the {name} light needs either "direction" [x, y, z] or "slant" and "tilt" in degrees, and nothing else'
+        )
+    angles = finite_array([light["slant"], light["tilt"]], (2,), f"the {name} light's slant and tilt", MAX_ANGLE)
+    return direction_from_angles(*angles)
 
 
 def write_lp(path: AnyPath, directions: ArrayLike, names: Sequence[str]) -> None:
@@ -353,7 +367,7 @@ def read_lp(path: AnyPath) -> tuple[list[str], F64]:
     numbered = [(number, line.split()) for number, line in enumerate(text.splitlines(), 1) if line.strip()]
     (_, head), *lines = numbered or [(1, [""])]
     with prefix_errors(f"rig file {path}"):
-        if not head[0].isdecimal():
+        if not re.fullmatch("[0-9]{1,9}", head[0]):
             raise FormatError('not an .lp file: the first line is the count, then a line "name x y z" a light')
         lights = [_lp_light(number, words) for number, words in lines]
         if len(lights) != int(head[0]):
@@ -429,7 +443,7 @@ class WorldLights:
     Raises
     ------
     GeometryError
-        If the directions are not three finite vectors, or one is zero.
+        If the directions are not three finite vectors, one is zero, or the mixing matrix is singular.
     """
 
     directions: F64
@@ -446,6 +460,7 @@ class WorldLights:
         if not directions.any(axis=1).all():
             raise GeometryError("a light in the world has the direction zero; give where it stands")
         object.__setattr__(self, "directions", directions)
+        object.__setattr__(self, "mixing", _invertible(self.mixing))
 
     def seen_by(self, camera: Camera) -> LightRig:
         """The lights in the camera's space. Raises GeometryError if one is behind the object, seen by the camera."""
@@ -472,25 +487,10 @@ def read_world_lights(path: AnyPath) -> WorldLights:
     """
     if Path(path).suffix.lower() == ".lp":
         raise FormatError(f"{path}: an .lp file's lights are relative to the camera; lights in the world need a .json")
-    with rig_data(path) as (data, is_near):
-        key, mixing = "position" if is_near else "direction", data.get("mixing", np.eye(3))
-        exact = data.get("exact", False)
-        named = zip(data["lights"], LIGHT_NAMES, strict=True)
-        lights = np.array([_in_world_axes(light, key, name) for light, name in named])
-        if not is_near:
-            return WorldLights(lights, mixing, is_ground_truth=exact)
-        near = NearLights(lights, data["target"], data.get("lobe", 0.0))
-        return WorldLights(near.positions - near.target, mixing, near, exact)
+    return _rig_of_file(path, WorldLights)
 
 
 def write_world_lights(path: AnyPath, lights: WorldLights) -> None:
     """Write a rig file with lights in world space atomically."""
     distant = [{"direction": direction.tolist()} for direction in lights.directions]
     write_rig_data(path, distant, lights.near, lights.mixing, lights.is_ground_truth)
-
-
-def _in_world_axes(light: Any, key: str, name: str) -> list[float]:
-    given = light.get(key) if isinstance(light, dict) and set(light) == {key} else None
-    if not isinstance(given, list) or [type(x) in (int, float) for x in given] != [True] * 3:
-        raise FormatError(f'the {name} light stands in the world, where it needs "{key}" [x, y, z], and nothing else')
-    return given

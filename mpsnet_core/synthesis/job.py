@@ -24,6 +24,7 @@ MAX_BOUNCES = 3  # of the synthesis
 FOLDER_CLAIM = MAX_COUNT
 FOLDER_SECONDS = 20.0
 
+_NUMBER = "[0-9]{6}|[1-9][0-9]{6,7}"  # of a sample, in the name of its file
 # Settings that another run of the same job may change.
 _NOT_OF_SAMPLES = ("count", "sample_seconds")
 
@@ -112,14 +113,14 @@ def sample_path(folder: AnyPath, number: int) -> Path:
 
 def sample_number(name: str) -> int | None:
     """The number of the sample whose file, complete or unfinished, has this name; None if it is no sample's."""
-    found = re.match(r"\.?sample_(\d{6,8})\.", name)
+    found = re.match(rf"\.?sample_({_NUMBER})\.", name)
     return int(found[1]) if found else None
 
 
 def samples_there(folder: AnyPath) -> set[int]:
     """Numbers of the samples in a folder. Empty files, which a power cut may leave, do not count."""
     with os.scandir(folder) as entries:
-        whole = [entry for entry in entries if re.fullmatch(r"sample_\d{6,8}\.exr", entry.name)]
+        whole = [entry for entry in entries if re.fullmatch(rf"sample_({_NUMBER})\.exr", entry.name)]
         return {int(entry.name[7:-4]) for entry in whole if entry.stat().st_size}
 
 

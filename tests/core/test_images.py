@@ -273,6 +273,11 @@ class TestMasks:
         stored = label * expected / np.iinfo(kind).max
         assert (read_mask(write_file(tmp_path / "mask.png", stored, kind)) == expected).all()
 
+    def test_alpha_decides_though_a_pixel_of_it_is_not_a_number(self, tmp_path: Path) -> None:
+        values = np.ones((4, 5, 4), np.float32)
+        values[:2, :, 3], values[0, 0, 3] = 0, np.nan
+        assert (read_mask(write_file(tmp_path / "mask.exr", values, "float")) == (np.arange(4) > 1)[:, None]).all()
+
     @pytest.mark.parametrize("dark", [[0, 0], [100, 100], [0, 1, 2]])
     def test_what_is_dark_and_no_label_is_no_object(self, tmp_path: Path, dark: list[int]) -> None:
         assert not read_mask(write_file(tmp_path / "mask.png", np.array([dark]) / 255, "uint8")).any()

@@ -9,7 +9,14 @@ import pytest
 from bad_input import NAN, Bench, gets_one_clear_sentence, loop
 from synthetic import CROSSTALK
 
-from mpsnet_core.scene.rig import LightRig, direction_from_angles, published_rig, read_rig, write_rig
+from mpsnet_core.scene.rig import (
+    LightRig,
+    direction_from_angles,
+    published_rig,
+    read_rig,
+    read_world_lights,
+    write_rig,
+)
 
 HALF, ROOT = 0.5, np.sqrt(3) / 2
 
@@ -100,9 +107,9 @@ test_a_bad_rig_gets_one_clear_sentence = gets_one_clear_sentence(
         ("coplanar", lambda b: LightRig([[0, 0.5, 1], [0, -0.5, 1], [0, 0, 1]]), "move one light"),
         ("twice the same light", lambda b: read_rig(lights(b, tilt=90)), "rig.json…(nearly) in one plane"),
         ("direction not finite", lambda b: LightRig([[0, NAN, 1], [1, 0, 1], [0, 0, 1]]), "light directions"),
-        ("angle beyond all numbers", lambda b: read_rig(lights(b, slant=10**400)), "second light…not a number"),
+        ("angle beyond all numbers", lambda b: read_rig(lights(b, slant=10**400)), "second light…2 finite numbers"),
         ("direction and angles", lambda b: read_rig(lights(b, direction=[0, 0, 1])), "second light needs either…or"),
-        ("an angle in words", lambda b: read_rig(lights(b, slant="steep")), "rig.json…second light…not a number"),
+        ("an angle as text", lambda b: read_rig(lights(b, slant="30")), "rig.json…second light…2 finite numbers"),
         (lambda b: read_rig(b.rig(mixing=[[1, 1, 0], [1, 1, 0], [0, 0, 1]])), "mixing matrix cannot be inverted"),
         (lambda b: read_rig(b.rig(mixing=[[10**400, 0, 0], [0, 1, 0], [0, 0, 1]])), "rig.json…mixing matrix"),
         ("a name too long for the system", lambda b: read_rig(b / ("x" * 300)), "xxx cannot be opened…check the path"),
@@ -121,6 +128,12 @@ test_a_bad_rig_gets_one_clear_sentence = gets_one_clear_sentence(
                 "line 4 is",
             )
             for line in ("b 0 0 1 0.8", "b 0,0,1", "b; 0; 0; 1", "b 0. 0, 1,0,0", "b 0 0 nan", "b 0 0")
+        ),
+        (".lp with a count of too many digits", lambda b: read_rig(b.text("r.lp", "3" * 5000)), "not an .lp file"),
+        (
+            "lights in the world that look the same to the camera",
+            lambda b: read_world_lights(b.rig(lights=[{"direction": [0, 0, 1]}] * 3, mixing=np.ones((3, 3)).tolist())),
+            "rig.json…mixing matrix cannot be inverted",
         ),
         (".lp that is something else", lambda b: read_rig(b.text("r.lp", "hello\nworld")), "r.lp…not an .lp file"),
     ]

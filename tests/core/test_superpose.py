@@ -62,12 +62,14 @@ def test_what_is_clipped_in_one_colour_is_clipped_in_the_channel(tmp_path: Path)
     assert spoilt[1, 2].all() and spoilt.sum() == 3
 
 
-def test_what_the_sum_does_not_show_any_more_gets_a_warning(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+@pytest.mark.parametrize("more", [[], ["--channels", "--white", "white.exr"]])
+def test_what_the_sum_does_not_show_any_more_gets_a_warning(tmp_path, capsys, monkeypatch, more: list[str]) -> None:
+    monkeypatch.chdir(tmp_path)
     values = np.full((10, 10, 3), 0.5)
     files = [write_file(tmp_path / f"{k}.jpg", values, "uint8", ExposureTime=0.1) for k in range(2)]
     values[2] = 1
     files.append(write_file(tmp_path / "2.tif", values, "uint8", ExposureTime=0.2))
-    assert main(["superpose", *map(str, files), "-o", str(tmp_path / "sum.exr")]) == 0
+    assert main(["superpose", *map(str, files), "-o", "sum.exr", *more]) == 0
     told = capsys.readouterr().err
     assert f"10.0% of {files[2]} is saturated" in told and told.count("saturated") == 1
     assert f"{files[2]} was exposed for 0.2 s, {files[0]} for 0.1 s" in told and told.count("exposed for") == 1

@@ -58,12 +58,13 @@ def test_the_same_seed_gives_the_same_bytes_with_more_workers(tmp_path: Path, mp
 def test_make_goes_on_and_synthesize_extends(mpsnet, made: Path) -> None:
     lost = made / "sample_000003.exr"
     before = lost.read_bytes()
-    lost.unlink()
+    lost.rename(made / "sample_0000003.exr")
     done = mpsnet("make", made)
     assert (done.returncode, done.stdout) == (0, f"{made}: 1 made, 3 there already\n")
     assert lost.read_bytes() == before
     done = mpsnet("synthesize", "--count", "5", *SMALL, "-o", made)
     assert (done.returncode, done.stdout) == (0, f"{made}: 1 made, 4 there already\n")
+    (made / "sample_0000003.exr").unlink()
     assert read_job(made).count == 5 and samples_there(made) == set(range(5))
 
 

@@ -16,6 +16,7 @@ from bad_input import Bench, cut, gets_one_clear_sentence
 from sphere_sample import sphere_sample
 
 from mpsnet_core import FileError, Train
+from mpsnet_core.estimate.card import TRAINING_KEY
 from mpsnet_core.synthesis.sample import write_sample
 
 NEEDS_TORCH = pytest.mark.skipif(find_spec("torch") is None, reason="needs PyTorch")
@@ -97,6 +98,18 @@ def torch_file(path: Path, data: Any) -> Path:
     return path
 
 
+def outside(path: Path) -> Path:
+    """An ONNX file whose weights are in a file above its folder."""
+    from onnx import TensorProto, helper, save
+
+    weights = TensorProto(name="w", data_type=TensorProto.FLOAT, dims=[1], data_location=TensorProto.EXTERNAL)
+    weights.external_data.add(key="location", value="../w")
+    model = helper.make_model(helper.make_graph([], "g", [], [], [weights]))
+    helper.set_model_props(model, {TRAINING_KEY: "{}"})
+    save(model, path)
+    return path
+
+
 def renamed(path: Path) -> Path:
     """A checkpoint whose network has a layer of another name."""
     from mpsnet_core.learning.training.checkpoint import read_checkpoint, write_checkpoint
@@ -160,6 +173,7 @@ test_a_bad_checkpoint_gets_one_clear_sentence = NEEDS_TORCH(
         [
             ("checkpoint of another recipe", lambda b: resume(b, checkpoint(b, seed=5)), "c is of another recipe"),
             (lambda b: train(b, "--resume", b.text("c.onnx", "hello")), "c.onnx is damaged or was not trained here"),
+            ("ONNX with weights elsewhere", lambda b: train(b, "--resume", outside(b / "c.onnx")), "c.onnx is damaged"),
             (lambda b: resume(b, b.bytes("c", b"hello" + checkpoint(b).read_bytes())), "c is damaged, or is not a"),
             ("spoilt checkpoint", lambda b: resume(b, spoilt(checkpoint(b))), "c is damaged, or is not a checkpoint"),
             ("checkpoint with code", lambda b: train(b, "--resume", with_code(b, True)), "c is damaged, or is not a"),

@@ -60,7 +60,7 @@ def read_exported(path: AnyPath) -> Exported:
         exported = Exported(str(path), record, filters)
         if exported.step < 0 or not isinstance(record["minutes"], int | float):
             raise ValueError
-    except (DecodeError, LookupError, TypeError, ValueError):
+    except (DecodeError, onnx.checker.ValidationError, LookupError, RecursionError, TypeError, ValueError):
         raise FormatError(refusal) from None
     return exported
 

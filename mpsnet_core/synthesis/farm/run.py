@@ -53,7 +53,7 @@ def blender_command(blender: str = "", addon: str = "") -> tuple[str, ...]:
     """
     if blender:
         found = shutil.which(blender)
-        here = found and Path(blender).name == blender and Path(found).resolve().parent == Path.cwd()
+        here = found and Path(blender).name == blender and Path(found).parent.resolve() == Path.cwd().resolve()
         if here:  # Windows searches the current folder
             raise SettingsError(f"{blender} is in this folder, which may hold files of others; give its path in full")
         return blender, "-b", *(("--addons", addon) if addon else ()), "--command", "mpsnet", "work"
