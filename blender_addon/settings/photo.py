@@ -183,7 +183,7 @@ class CalibrateSettings:
         "From",
         "What shows where the lights are",
         items=[
-            ("PHOTO", "Photo", "The photo itself, by its shading and outline: within about 10°"),
+            ("PHOTO", "Photo", "The photo itself, by its shading and outline: 3° to 10° off on average"),
             ("MESH", "Mesh", "The photo and the target's mesh, once the photo is aligned with it: within about 1.5°"),
             ("BALL", "Ball", "Photo of a mirror ball under all three lights: within about 0.5°"),
             ("LAMPS", "3 Photos", "Three photos of a mirror ball, each of them under one light alone"),

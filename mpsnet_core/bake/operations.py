@@ -124,7 +124,8 @@ class BakesDetail(MakesTextures):
         help="fraction of the photos' relief that is added to the object's own surface: 1 as it is, 0 none",
     )
     fill: bool = option(
-        default=False, help="fill what no view sees, by continuing the relief around it smoothly within each UV island"
+        default=False,
+        help="fill what no view sees: the relief around it goes on smoothly along the surface, across UV seams",
     )
     coverage: str | None = output_option(
         "folder for maps of what the views saw, named like the textures: white where seen, grey where filled, "

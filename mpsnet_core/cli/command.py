@@ -42,7 +42,7 @@ MAX_NAMED = 5
 SECTIONS: dict[str, dict[type[Operation], str]] = {
     "everyday": {
         Estimate: "photo.dng -o normals.png",
-        Superpose: "--channels photo_1.png photo_4.png photo_7.png -o photo.png",
+        Superpose: "--channels photo_1.jpg photo_2.jpg photo_3.jpg -o photo.png",
         FindMask: "photo.dng -o mask.png --overlay overlay.png",
         Check: "photo.dng --rig rig.json",
         Scan: "photo.dng --mesh statue.obj -o scanned/",
@@ -60,7 +60,7 @@ SECTIONS: dict[str, dict[type[Operation], str]] = {
         WriteCameras: "colmap/ --photos photos/ -o cameras/",
     },
     "textures": {
-        Bake: "--mesh statue.obj --view camera.json=normals.png --level on -o statue_normal.png",
+        Bake: "--mesh statue.obj --view camera.json=normals.png -o statue_normal.png",
         BakeViews: "--mesh statue.obj --cameras colmap/ --photos photos/ --rig rig.json -o statue_normal.png",
         MakeMaterial: "cloth.exr --rig rig.json --width 120mm -o cloth/",
     },

@@ -34,7 +34,7 @@ COMMANDS = {
     "mpsnet integrate normals.png --relit relit.png": "see them under another light",
     "mpsnet calibrate lights ball.png --focal 50 -o rig.json": "the lights, from the mirror ball",
     "mpsnet estimate photo.png --rig rig.json --camera camera.json --white white.png -o better.png": "more accurate",
-    "mpsnet bake --mesh egg.obj --view camera.json=better.png --level on -o egg_normal.png": "onto the scan",
+    "mpsnet bake --mesh egg.obj --view camera.json=better.png -o egg_normal.png": "onto the scan",
 }
 
 SIZE, FOCAL, DISTANCE = 512, 50.0, 2.9  # pixels, millimetres, radii of the object
