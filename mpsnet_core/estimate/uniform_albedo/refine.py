@@ -11,7 +11,11 @@ reach it is unknown. There are seven hypotheses:
 An eighth stands for everything else: another material, gloss, interreflections. A hypothesis is more probable the
 better it explains the pixel's values, the closer its normal is to the network's (measured by the network's expected
 error), and the more probable it is at the neighbours. Each hypothesis averages its normal with the network's, weighted
-by the errors of both; the result is the mean over all hypotheses.
+by the errors of both. The result is the mean over all hypotheses, which leans to the most probable one: the error that
+counts is the angle, not its square.
+
+Interreflections add light to every channel, and a channel whose light is blocked shows how much. So the fewer lights
+reach a pixel, the better the photo tells how far its values can be trusted.
 """
 
 from collections.abc import Iterator
@@ -221,16 +225,19 @@ RIGHT_ANGLE = np.pi / 2
 # Pixels sampled to find the colour, at full and at lower resolution; side of the tiles that are processed in parallel.
 SAMPLED, SAMPLED_HALVED = 10_000, 2_500
 TILE = 256
-# Error of equation 2 in radians per relative error of the albedo; `determined` of a fit for which this holds.
-ERROR_OF_SPREAD, WELL_DETERMINED = 3.5, 0.05
+# Error of equation 2 in radians per relative error of the albedo; the least error; `determined` of a fit for which this
+# holds.
+ERROR_OF_SPREAD, LEAST_ERROR, WELL_DETERMINED = 3.5, 0.0035, 0.05
 # Where equation 2 holds, the error of networks is smaller than they expect, by this factor.
 ERROR_WHERE_LIT = 0.65
-# Standard deviation per axis of a direction whose mean error is one.
-SPREAD_OF_ERROR = 0.8
+# Standard deviation per axis of a direction whose mean error is one: 0.8 if errors were normally distributed.
+SPREAD_OF_ERROR = 1.0
 # One light alone lowers the network's expected error to this share of it at most.
 ERROR_LEFT_BY_ONE = 0.8
-# Shares of full light: light bounced into shadows, black shadows, and the least of a light that arrives.
-BOUNCED, BLACK, ARRIVING = 0.02, 0.03, 0.08
+# Error of a channel by bounced light, per light in the blocked ones, and at least, as a share of full light.
+BOUNCED, LEAST_BOUNCED = 2.0, 0.004
+# Shares of full light: black shadows, and the least of a light that arrives.
+BLACK, ARRIVING = 0.03, 0.04
 BLACK_SHADOWS = 0.7  # share of shadow pixels that are black; the others are penumbra of any grey
 # Largest value of a light; how far a normal may face away from the camera (its z); least sine by which one or two
 # lights determine a normal: below, errors would grow without bound.
@@ -241,6 +248,7 @@ MIN_PRIOR = 0.02
 # Pixels of the smallest object to process; factor by which the lengths' deviation falls at half the resolution if noise
 # is six sevenths of their variance (0.5 if it is all of it).
 MIN_OBJECT, QUIETER = 1000, 0.6
+LEAN = 2  # power of the hypotheses' probabilities in the mean of their normals
 # Radius of a pixel's neighbourhood: share of the object's longer side, and limits in pixels. Rounds of inference.
 AROUND, MIN_AROUND, MAX_AROUND = 1 / 64, 2, 16
 ROUNDS = 3
@@ -409,12 +417,14 @@ def _combined(pixels: _Pixels, place: Bools, albedo: UniformAlbedo, around: int)
         probability /= probability.sum(axis=0)
         if number < ROUNDS - 1:
             prior = np.maximum(_means_around(probability, place, around, area), MIN_PRIOR)
-    total = pixels.normals * probability[-1][:, None]
+    shares = probability**LEAN
+    shares /= shares.sum(axis=0)
+    total = pixels.normals * shares[-1][:, None]
     expected = pixels.error * probability[-1]
-    for one, share in zip(found, probability, strict=False):
+    for one, share, chance in zip(found, shares, probability, strict=False):
         weight = one.network_error**2 / (one.network_error**2 + one.error**2)
         total += share[:, None] * normalised(pixels.normals + (one.normals - pixels.normals) * weight[:, None])
-        expected += share * np.minimum(
+        expected += chance * np.minimum(
             pixels.error, np.maximum(np.sqrt(weight) * one.error, one.least_error * pixels.error)
         )
     return normalised(total), expected
@@ -434,7 +444,7 @@ def _hypotheses(pixels: _Pixels, albedo: UniformAlbedo) -> Iterator[_Hypothesis]
     strength = _length(pixels.lights)
     lights = (pixels.lights / strength[..., None]).astype(np.float32)
     light = (pixels.light * albedo.gains / strength).astype(np.float32)
-    error = ERROR_OF_SPREAD * max(albedo.spread, MIN_SPREAD) * max(1.0, (WELL_DETERMINED / albedo.determined) ** 0.5)
+    error = max(ERROR_OF_SPREAD * albedo.spread, LEAST_ERROR) * max(1.0, (WELL_DETERMINED / albedo.determined) ** 0.5)
     network_error = np.maximum(SPREAD_OF_ERROR * pixels.error, 0.01)
     yield _all_three(light, lights, pixels, albedo, error, network_error)
     for order in PAIRS:
@@ -480,7 +490,7 @@ def _two(
     side = np.where(dot(normals, across) >= 0, height, -height)
     vectors = normalised(plane + side[:, None] * across)
     steep = np.maximum(height, MIN_SINE)
-    off = np.hypot(error, BOUNCED) / steep
+    off = np.hypot(error, _bounced(light[:, order[2]])) / steep
     likelihood = _density_of_direction(_angle(vectors, normals), np.hypot(network_error, off)) / (sine * steep)
     likelihood *= _density_of_blocked(light[:, order[2]], dot(vectors, blocked))
     likelihood *= np.exp(-0.5 * (np.maximum(length - 1, 0) / max(2 * albedo.spread, FULL - 1)) ** 2)
@@ -498,13 +508,19 @@ def _one(
     sine = np.sqrt(1 - cosine**2)
     vectors = normalised(cosine[:, None] * towards + sine[:, None] * away)
     steep = np.maximum(sine, MIN_SINE)
-    off = np.hypot(error, BOUNCED) / steep
+    others = [(number + 1) % 3, (number + 2) % 3]
+    off = np.hypot(error, _bounced(light[:, others].mean(axis=-1))) / steep
     likelihood = _gaussian(_angle(vectors, normals), np.hypot(network_error, off)) / steep
-    for other in (number + 1) % 3, (number + 2) % 3:
+    for other in others:
         full = dot(vectors, lights[..., other, :])
         likelihood *= _density_of_blocked(light[:, other], full)
     likelihood *= (light[:, number] > ARRIVING) & (light[:, number] < FULL)
     return _Hypothesis(vectors, likelihood, off, network_error, ERROR_LEFT_BY_ONE)
+
+
+def _bounced(blocked: Floats) -> Floats:
+    """Error of a channel by bounced light, from the light in channels whose own light is blocked."""
+    return np.maximum(BOUNCED * blocked, LEAST_BOUNCED)
 
 
 def _length(vectors: Floats) -> Floats:
