@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -10,12 +11,19 @@ import bpy
 
 from mpsnet_core.bake.operations import Bake
 from mpsnet_core.errors import GeometryError, InputError, Note, SettingsError
-from mpsnet_core.scene.camera import write_camera
+from mpsnet_core.scene.camera import read_camera, write_camera
 
 from ..image_records import Provenance, chosen, remembered, stamp
 from ..images import frame_pattern, image_file, picture_size
 from ..outputs import FORMATS, output_frames
-from ..photo.camera import back_to_photo, camera_provenance, chosen_camera, lacks_camera, write_photo_camera
+from ..photo.camera import (
+    back_to_photo,
+    camera_beside,
+    camera_provenance,
+    chosen_camera,
+    lacks_camera,
+    write_photo_camera,
+)
 from ..rig.rig import rig_camera
 from ..scene.camera import scene_camera
 from ..scene.mesh_file import BegunMesh, Slices, begin_mesh
@@ -47,12 +55,14 @@ class MPS_OT_bake(BakeOperator, BakeSettings, bpy.types.Operator):
         settings, image = context.scene.mps.bake, context.scene.mps.estimate.image
         target = None if image is not None and image.source == "SEQUENCE" else known_target(settings)
         every = context.scene.mps.every_rig if settings.all_rigs else [context.scene.mps]
-        stamps = ", ".join(stamp(one.estimate.image) for one in every)
+        images = [one.estimate.image for one in every]
+        known = [one for one in images if one is not None] or [image]
+        places = [camera_provenance(context.scene, one, target) for one in known]
         return {
-            "Normals": stamps,
+            "Normals": ", ".join(map(stamp, images)),
             **chosen(settings, without=("output", "assign", "mark_asset")),
             **target_provenance(settings),
-            **camera_provenance(context.scene, image, target),
+            **{name: ", ".join(one[name] for one in places if name in one) for name in dict.fromkeys(chain(*places))},
         }
 
     def prepare(self, context: Any, folder: Path) -> tuple[Bake, Sequence[Path]]:
@@ -85,7 +95,7 @@ class MPS_OT_bake(BakeOperator, BakeSettings, bpy.types.Operator):
         self._coloured = bool(albedos)
         operation = Bake(
             mesh=meshes,
-            view=(f"{camera}={normals}", *self._other_views(scene, others, folder)),
+            view=(f"{camera}={normals}", *self._other_views(scene, others, folder, targets)),
             albedo=albedos,
             **self.texture_options(Bake, self, targets, folder),
             format=suffix[1:] if self._frames else None,
@@ -143,8 +153,9 @@ class MPS_OT_bake(BakeOperator, BakeSettings, bpy.types.Operator):
             raise SettingsError("one of the rigs has a sequence, which is baked on its own; switch All Rigs off")
         return others
 
-    def _other_views(self, scene: Any, rigs: Sequence[Any], folder: Path) -> list[str]:
-        """The normals and cameras of other rigs, as options of the core."""
+    def _other_views(self, scene: Any, rigs: Sequence[Any], folder: Path, targets: Sequence[Any]) -> list[str]:
+        """The normals and cameras of other rigs as options of the core, with the targets as the chosen rig saw them."""
+        chosen_image = scene.mps.estimate.image
         views = []
         for number, one in enumerate(rigs):
             image = one.estimate.image
@@ -155,6 +166,7 @@ class MPS_OT_bake(BakeOperator, BakeSettings, bpy.types.Operator):
                 )
             if not write_photo_camera(camera, scene, image, one.rig.camera):
                 raise GeometryError(f'the camera of the normals "{image.name}" is gone; estimate them again')
+            write_camera(camera, camera_beside(read_camera(camera), image, chosen_image, targets))
             views.append(f"{camera}={image_file(image, 'normal map', 'estimate the normals again')}")
         return views
 

@@ -435,7 +435,7 @@ def _comparison(context: Any, area: Any, target: Any) -> _Comparison:
     images, photo = textures_of(target), context.scene.mps.photo.image
     with temporary_folder() as folder:
         depsgraph = context.evaluated_depsgraph_get()
-        uv_map = next(node.uv_map for tree in trees_of(target) if (node := find_node(tree, UV_NODE)))
+        uv_map = next((node.uv_map for tree in trees_of(target) if (node := find_node(tree, UV_NODE))), "")
         begin_mesh(folder / "mesh.npz", target, depsgraph, uv_map).whole()
         corners = corners_of(read_mesh(folder / "mesh.npz"), images["normals"])
         corners["shot"] = np.zeros_like(corners["place"])

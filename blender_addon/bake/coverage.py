@@ -64,13 +64,12 @@ def hides_materials(space: Any) -> bool:
 def _begin(context: Any) -> None:
     scene = context.scene
     refuse_linked_scene(scene)
-    shown = [obj for obj in scene.objects if _assigned(obj) and obj.visible_get()]
+    shown = [obj for obj in scene.objects if any(_assigned(obj)) and obj.visible_get()]
     if not shown:
         raise InputError("no object that uses a baked texture is visible; show one")
     for obj in shown:
-        assigned = _assigned(obj)
-        of_slots = [assigned[min(number, len(assigned) - 1)] for number in range(len(obj.material_slots))]
-        add_overlay(context, obj, NAME, [_material(*one) for one in of_slots], scene.mps.bake.overlays)
+        of_slots = [_material(*one) if one else None for one in _assigned(obj)]
+        add_overlay(context, obj, NAME, of_slots, scene.mps.bake.overlays)
     space = context.space_data
     if hides_materials(space):
         place = [context.screen.name, list(context.screen.areas).index(context.area)]
@@ -89,11 +88,11 @@ def _end(bake: Any) -> None:
     bake.shading = ""
 
 
-def _assigned(obj: Any) -> list[tuple[Any, str]]:
-    """The coverage of the textures in an object's materials, with their UV maps; none for a copy."""
+def _assigned(obj: Any) -> list[tuple[Any, str] | None]:
+    """For each material slot of an object, the coverage of its texture with the UV map; None if it has none."""
     slots = obj.material_slots if obj.type == "MESH" else ()
-    found = [texture for slot in slots if (texture := baked_texture(slot.material)) is not None]
-    return [(image.mps.coverage, uv_map) for image, uv_map in found if image.mps.coverage is not None]
+    found = [baked_texture(slot.material) for slot in slots]
+    return [None if one is None or one[0].mps.coverage is None else (one[0].mps.coverage, one[1]) for one in found]
 
 
 def _material(coverage: Any, uv_map: str) -> Any:
@@ -135,8 +134,9 @@ def add_overlay(context: Any, obj: Any, name: str, materials: Sequence[Any], ove
     overlays.add().object = overlay
     context.scene.collection.objects.link(overlay)
     for slot, material in zip(overlay.material_slots, materials, strict=True):
-        slot.link = "OBJECT"
-        slot.material = material
+        if material != slot.material:
+            slot.link = "OBJECT"
+            slot.material = material
     out = overlay.modifiers.new(name, "DISPLACE")
     out.strength, out.mid_level = _OUT * radius / max(max(map(abs, obj.matrix_world.to_scale())), 1e-9), 0
 

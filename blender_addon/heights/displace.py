@@ -82,15 +82,15 @@ class MPS_OT_displace(BakeOperator, DisplaceSettings, bpy.types.Operator):
         self._normals: Path | None = None
         self._notes = overruled_format(self._output, context.scene.mps.displace)
         self._size = world_scale(target)
-        if self.automatic and not self._given & {"levels", "scale"}:
-            self.levels, self.scale = _suited(target, max(image.size))
-            if self.method == "MATERIAL":  # renders bumps between the vertices; facets show more in finer shadows
-                self.levels = min(self.levels, _MATERIAL_LEVELS)
-            self._notes = [*self._notes, Note(_DERIVED, self.levels, 100 * self.scale)]
         # In object axes, but at world size: modifiers displace in object space, even under non-uniform scale.
         turn = Matrix.Scale(self._size, 4) @ target.matrix_world.inverted()
         uv_map = _uv_map_of(target) or bake.uv_map
         self._uv_map = self.write_mesh(context, folder / "mesh.npz", target, uv_map, turn).uv_map
+        if self.automatic and not self._given & {"levels", "scale"}:
+            self.levels, self.scale = _suited(target, self._uv_map, max(image.size))
+            if self.method == "MATERIAL":  # renders bumps between the vertices; facets show more in finer shadows
+                self.levels = min(self.levels, _MATERIAL_LEVELS)
+            self._notes = [*self._notes, Note(_DERIVED, self.levels, 100 * self.scale)]
         known: dict[str, Any] = {
             what: remembered(image, what) or getattr(bake, what) for what in ("space", "convention")
         }
@@ -187,11 +187,13 @@ class MPS_OT_displace(BakeOperator, DisplaceSettings, bpy.types.Operator):
         return normals_off
 
 
-def _suited(target: Any, pixels: int) -> tuple[int, float]:
+def _suited(target: Any, uv_map: str, pixels: int) -> tuple[int, float]:
     """Subdivisions and broadest bumps, as a fraction of its size, for a mesh with a texture of so many pixels."""
     mesh = target.data
-    areas, layer = values_of(mesh.polygons, "area", 1), _uv_map_of(target) or mesh.uv_layers.active.name
-    across = np.ptp(np.clip(values_of(mesh.uv_layers[layer].uv, "vector", 2), 0, 1), axis=0)
+    areas, layer = values_of(mesh.polygons, "area", 1), mesh.uv_layers.get(uv_map)
+    across = np.ones(2)
+    if layer is not None and len(layer.uv):  # a modifier's map is not there, nor any in Edit Mode
+        across = np.ptp(np.clip(values_of(layer.uv, "vector", 2), 0, 1), axis=0)
     edge, texel = np.sqrt(areas.mean()), np.sqrt(areas.sum() / max(float(across.prod()), 1e-6)) / max(pixels, 1)
     most = np.log(_MOST_FACES / max(len(areas), 1)) / np.log(4)
     levels = int(np.clip(np.floor(min(np.log2(edge / (_TEXELS_A_FACE * texel)), most)), 0, _MOST_LEVELS))

@@ -1,6 +1,7 @@
 """The file list of the panel's fields: filtered to what a field takes, in the folder where its file probably is."""
 
 import os
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -69,5 +70,7 @@ class MPS_OT_choose_file(bpy.types.Operator):
         names = _TOGETHER.get(self.setting, ())
         pairs = zip(names, chosen, strict=True) if len(names) == len(chosen) > 1 else [(self.setting, self.filepath)]
         for name, file in pairs:
-            setattr(context.scene.path_resolve(self.group), name, bpy.path.relpath(file) if relative else file)
+            with suppress(ValueError):  # on another drive than the .blend file
+                file = bpy.path.relpath(file) if relative else file
+            setattr(context.scene.path_resolve(self.group), name, file)
         return {"FINISHED"}

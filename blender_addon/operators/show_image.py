@@ -25,11 +25,11 @@ def image_editor(context: Any) -> Any:
         raise InputError("there is no 3D viewport in this window, nor an Image Editor; open one")
     before = {area.as_pointer() for area in areas}
     region = next(region for region in views[0].regions if region.type == "WINDOW")
-    with bpy.context.temp_override(window=context.window, area=views[0], region=region):
+    with bpy.context.temp_override(window=context.window, area=views[0], region=region), suppress(RuntimeError):
         bpy.ops.screen.area_split(direction="VERTICAL", factor=0.4)
     made = next((area for area in context.window.screen.areas if area.as_pointer() not in before), None)
     if made is None:
-        raise InputError("the viewport is too narrow for the photo beside it; make it wider, or open an Image Editor")
+        raise InputError("the viewport has no room for the photo beside it; make it wider, or open an Image Editor")
     made.type = "IMAGE_EDITOR"
     space = made.spaces.active
     space.show_region_ui = space.show_region_toolbar = False

@@ -3,12 +3,15 @@
 import json
 from collections.abc import Iterable
 from contextlib import suppress
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from mathutils import Matrix, Vector
 
-from mpsnet_core.scene.camera import write_camera
+from mpsnet_core.errors import InputError
+from mpsnet_core.scene.camera import Camera, write_camera
 
 from ..image_records import Provenance, from_json, made_by, remember, remembered, rounded
 from ..images import picture_size
@@ -19,6 +22,7 @@ PLACES = "places"
 # Stored with a photo: where the object stood to which its pairs of points belong.
 _PAIRED = "paired"
 _PLACE = "Place of object and camera"
+_SAME = 1e-4
 
 
 def is_real(photo: Any) -> bool:
@@ -89,6 +93,24 @@ def back_to_photo(image: Any, obj: Any) -> Matrix | None:
     if max(abs(value) for row in then - obj.matrix_world for value in row) < 1e-6:
         return None
     return then @ obj.matrix_world.inverted_safe()
+
+
+def camera_beside(camera: Camera, image: Any, other: Any, objects: Iterable[Any]) -> Camera:
+    """The camera of one image, moved along to where the objects stood in the other image.
+
+    Raises InputError if no single motion takes all objects from one place to the other.
+    """
+    motions = [
+        np.array(place_in_photo(other, obj) @ place_in_photo(image, obj).inverted_safe(), np.float64) for obj in objects
+    ]
+    motion = motions[0]
+    turn = motion[:3, :3]
+    if max(abs(one - motion).max() for one in motions) > _SAME or abs(turn @ turn.T - np.eye(3)).max() > _SAME:
+        raise InputError(
+            "the objects moved against each other, or were scaled, between the photos of two rigs; bake one rig at a "
+            "time, or render their photos again"
+        )
+    return replace(camera, world_from_camera=motion @ camera.world_from_camera)
 
 
 def take_pairs_along(photo: Any, obj: Any) -> None:

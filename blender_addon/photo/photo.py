@@ -217,8 +217,8 @@ class MPS_OT_superpose(RunsCore, SuperposeSettings, bpy.types.Operator):
         rig = self.rig(f"its photo is in {photo}")
         image = load_photo(photo, photo.stem)
         self.made(image)
-        rig.estimate.encoding = "AUTO"  # the setting was for the three photos; this file states its own
         _set_photo(rig, image)
+        rig.estimate.encoding = "AUTO"  # the setting was for the three photos; this file states its own
         rig.estimate.white = str(photo.with_name(f"{photo.stem}_white.exr"))
         self.tell(f"Photo written to {photo}")
 

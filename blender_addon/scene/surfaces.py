@@ -69,7 +69,7 @@ def surface_points(depsgraph: Any, objects: Iterable[Any]) -> NDArray[np.float64
     """(N, 3) points of all the objects' surfaces, in world space. Raises InputError if there are none."""
     clouds = [points for _, points in surfaces(depsgraph, objects)]
     if not clouds:
-        raise InputError("no selected object has a surface; select the mesh that the rig goes around")
+        raise InputError("no selected object has a surface; select a mesh")
     return np.concatenate(clouds)
 
 

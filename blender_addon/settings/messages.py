@@ -76,7 +76,12 @@ def in_blender(message: str) -> str:
     option. Text that is in Blender's words already stays as it is.
     """
     if isinstance(message, Note):
-        values = [in_blender(one) if isinstance(one, Note) else _word(one) for one in message.values]
+        parts = PLACEHOLDER.split(message.template)
+        # A name in quotation marks stays.
+        values = [
+            in_blender(one) if isinstance(one, Note) else one if before.endswith('"') else _word(one)
+            for before, one in zip(parts, message.values, strict=False)
+        ]
         template = in_blender(iface(message.template))
         return template % tuple(values) if values else template
     if bpy.context.preferences.view.use_translate_interface:

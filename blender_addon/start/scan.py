@@ -23,7 +23,7 @@ from ..photo.align import mesh_of_photo
 from ..photo.camera import chosen_camera, lacks_photo_camera
 from ..photo.options import finds_lights, rig_file_for
 from ..photo.photo import LIGHTS, load_any_photo
-from ..scene.objects import find_object
+from ..scene.objects import find_object, select
 from ..scene.surfaces import middle_of
 from ..settings.declared import FileSetting, StringSetting
 from ..settings.record import result_of
@@ -138,8 +138,7 @@ class MPS_OT_scan(RunsSteps, bpy.types.Operator):
         scene = context.scene
         target = scene.mps.bake.target
         if not bpy.app.background and target is not None and target.visible_get():
-            bpy.ops.object.select_all(action="DESELECT")
-            target.select_set(True)
+            select(context.view_layer, [target], target)
             camera = chosen_camera(scene, scene.mps.photo.image)
             if camera is not None:  # the side that the photo shows
                 middle, pose = middle_of(target), camera.matrix_world

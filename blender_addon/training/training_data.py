@@ -142,6 +142,11 @@ class MPS_OT_render_samples(RunsCore, SamplesSettings, bpy.types.Operator):
         if self._withdraw is not None:
             self._withdraw()
 
+    def cancel(self, context: Any) -> None:
+        super().cancel(context)
+        if self._withdraw is not None:
+            self._withdraw()
+
     def refresh_results(self) -> None:
         """Show the contact sheet if the core has updated it."""
         scene = by_session_uid(bpy.data.scenes, self._scene_uid)

@@ -7,6 +7,7 @@ import bpy
 import numpy as np
 import pytest
 from documentation import PROJECT
+from mathutils import Matrix
 
 from blender_addon.panels.estimate import MPS_PT_estimate
 from blender_addon.panels.photo import MPS_PT_photo
@@ -32,8 +33,12 @@ def standing(scene):
 
 
 @pytest.fixture
-def two_rigs(estimated, scene, tmp_path):
-    """The sphere seen from the front by one rig and from the back by another, both estimated; the second is chosen."""
+def two_rigs(request, estimated, scene, tmp_path):
+    """The sphere seen from the front by one rig and from the back by another, both estimated; the second is chosen.
+
+    The parameter, if there is one, is how the sphere moves between them."""
+    estimated.matrix_world = getattr(request, "param", Matrix()) @ estimated.matrix_world
+    bpy.context.view_layer.update()
     bpy.ops.mps.new_rig()
     for obj in bpy.data.objects:
         obj.select_set(obj == estimated)
@@ -148,6 +153,7 @@ def test_rigs_without_normals_are_named_when_all_rigs_are_baked(two_rigs, scene,
     assert 'Rigs without normals are left out: "Rig 1", "Rig 3"' in notes_of(scene, "bake")
 
 
+@pytest.mark.parametrize("two_rigs", [Matrix(), Matrix.Translation((5, 0.3, -2))], indirect=True)
 def test_all_rigs_are_baked_together(two_rigs, estimated, scene, tmp_path, capfd):
     def seen(**settings):
         bpy.ops.mps.bake(size=64, output=str(tmp_path / "texture.exr"), **settings)
