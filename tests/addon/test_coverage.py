@@ -118,3 +118,16 @@ def test_coverage_survives_the_file_and_its_copys_deletion(baked, scene, tmp_pat
 
 def test_before_the_bake_there_is_none(estimated):
     assert not bpy.ops.mps.show_coverage.poll()
+
+
+@pytest.mark.parametrize("show", ["relight", "show_coverage"])
+def test_a_slot_without_a_baked_texture_stays_as_it_is(baked, scene, tmp_path, show):
+    """It does not count as another object's either, which a bake would leave its material to."""
+    plain = bpy.data.materials.new("Plain")
+    baked.data.materials.append(plain)
+    before, materials = set(bpy.data.objects), list(baked.data.materials)
+    getattr(bpy.ops.mps, show)()
+    (overlay,) = [one for one in set(bpy.data.objects) - before if one.type == "MESH"]
+    assert overlay.material_slots[0].material != materials[0] and overlay.material_slots[1].material in (None, plain)
+    bpy.ops.mps.bake(output=str(tmp_path / "again.png"))
+    assert list(baked.data.materials) == materials
