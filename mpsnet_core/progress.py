@@ -25,14 +25,17 @@ def part(progress: Progress, start: float, end: float, label: str | None = None)
 
 def remaining_words(fraction: float, seconds: float) -> str:
     """How long a task has taken, and about how long it still will if it goes on as it went so far."""
-    told = f"{_duration(seconds)} so far"
+    told = f"{duration(seconds)} so far"
     if not TOLD_FROM <= fraction < 1 or seconds < TOLD_AFTER:
         return told
-    return f"{told}, about {_duration(seconds * (1 - fraction) / fraction)} left"
+    return f"{told}, about {duration(seconds * (1 - fraction) / fraction)} left"
 
 
-def _duration(seconds: float) -> str:
+def duration(seconds: float) -> str:
+    """A duration as short text: "40 s", "12 min 5 s", "3 h 20 min"."""
     minutes, rest = divmod(round(seconds), 60)
+    if minutes >= 60:
+        return f"{minutes // 60} h {minutes % 60} min"
     return f"{minutes} min {rest} s" if minutes else f"{rest} s"
 
 

@@ -202,7 +202,7 @@ def _previous(output: Floats, window: Window) -> F32:
     part[..., :3] = normalised(part[..., :3])
     part[..., 3:] = (1 - part[..., 3:]) * RIGHT_ANGLE
     part = np.concatenate([part, np.ones_like(filled, np.float32)], axis=-1) * filled
-    part = _doubled(_doubled(part, 0), 1)
+    part = upsampled(part, (2 * part.shape[0], 2 * part.shape[1]), slice(None))
     down, right = (
         slice(side.start - 2 * source.start, side.stop - 2 * source.start)
         for side, source in zip(window, (rows, columns), strict=True)
@@ -225,22 +225,6 @@ def _window_on_previous_scale(window: Window, output: Floats) -> Window:
         for side, length in zip(window, output.shape, strict=False)
     )
     return rows, columns
-
-
-def _doubled(values: F32, axis: int) -> F32:
-    """Upsample by 2 along an axis, bilinearly: 3/4 of each value and 1/4 of its nearer neighbour."""
-    shape = list(values.shape)
-    shape[axis] *= 2
-    twice = np.empty(shape, np.float32)
-    source, result = np.moveaxis(values, axis, 0), np.moveaxis(twice, axis, 0)
-    quarter = np.float32(0.25) * source
-    before, after = result[0::2], result[1::2]
-    before[:] = after[:] = source - quarter
-    before[0] += quarter[0]
-    before[1:] += quarter[:-1]
-    after[:-1] += quarter[1:]
-    after[-1] += quarter[-1]
-    return twice
 
 
 def _predict_tile(network: NetworkRunner, card: ModelCard, crop: PhotoCrop, frame: LightFrame) -> F32:

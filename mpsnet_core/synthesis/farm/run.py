@@ -18,7 +18,7 @@ from mpsnet_core.io.files import check_no_link, resolved, writable_path
 from mpsnet_core.io.image_writing import is_complete_image, write_picture
 from mpsnet_core.io.opening import AnyPath
 from mpsnet_core.io.provenance import is_up_to_date
-from mpsnet_core.progress import Progress, silent
+from mpsnet_core.progress import Progress, duration, silent
 from mpsnet_core.synthesis import job as jobs
 from mpsnet_core.synthesis.contact_sheet import sheet_line, sheet_of_samples
 from mpsnet_core.synthesis.farm.work import THIS_PYTHON, SampleResult, SampleResults, Worker, clear_unfinished, gathered
@@ -197,14 +197,6 @@ class _Tally:
         if self.outcome.failed:
             message += f", {len(self.outcome.failed)} failed"
         self._progress(done / self._count, message)
-
-
-def duration(seconds: float) -> str:
-    """A duration as short text: "40 s", "12 min", "3 h 20 min"."""
-    if seconds < 99.5:
-        return f"{max(1, round(seconds))} s"
-    minutes = round(seconds / 60)
-    return f"{minutes} min" if minutes < 100 else f"{minutes // 60} h {minutes % 60} min"
 
 
 class _GrowingSheet:
