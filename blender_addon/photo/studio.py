@@ -19,6 +19,7 @@ from mpsnet_core.io.provenance import digest
 from mpsnet_core.scene.camera import Camera, write_camera
 from mpsnet_core.scene.rig import write_rig
 
+from ..appearance.shader_graph import End, nodes_behind, uses_nodes
 from ..errors import operator_errors
 from ..image_records import sidecar
 from ..openimageio import load_openimageio
@@ -391,27 +392,26 @@ def _refuse_other_light(studio: Any) -> None:
 def refuse_glow(obj: Any, owner: str) -> None:
     """Raise InputError if one of the object's materials emits light. owner: the object's name in the message."""
     for slot in obj.material_slots:
-        if slot.material and slot.material.node_tree and _glows(slot.material.node_tree):
+        if slot.material and _glows(slot.material):
             raise InputError(
                 f'material "{slot.material.name}" of "{owner}" glows, but only the three lights may light the photo; '
                 "set its emission to 0"
             )
 
 
-def _glows(tree: Any) -> bool:
-    for node in tree.nodes:
-        if node.type == "GROUP" and node.node_tree and _glows(node.node_tree):
-            return True
-        if node.mute:
-            continue
-        prefix = "" if node.type == "EMISSION" else "Emission "
-        strength, colour = node.inputs.get(f"{prefix}Strength"), node.inputs.get(f"{prefix}Color")
-        if strength is None or colour is None or not node.outputs[0].is_linked:
-            continue
-        bright = strength.is_linked or strength.default_value > 0
-        if bright and (colour.is_linked or max(colour.default_value[:3]) > 0):
-            return True
-    return False
+def _glows(material: Any) -> bool:
+    output = material.node_tree.get_output_node("CYCLES") if uses_nodes(material) else None
+    ends = [End(output.inputs[name]) for name in ("Surface", "Volume")] if output is not None else []
+    return any(_emits(node) for end in ends for node in nodes_behind(end) if not node.mute)
+
+
+def _emits(node: Any) -> bool:
+    prefix = "" if node.type == "EMISSION" else "Emission "
+    strength, colour = node.inputs.get(f"{prefix}Strength"), node.inputs.get(f"{prefix}Color")
+    if strength is None or colour is None:
+        return False
+    bright = strength.is_linked or strength.default_value > 0
+    return bool(bright and (colour.is_linked or max(colour.default_value[:3]) > 0))
 
 
 def _render(studio: Any, path: Path, file_format: str) -> None:
