@@ -230,14 +230,14 @@ TILE = 256
 ERROR_OF_SPREAD, LEAST_ERROR, WELL_DETERMINED = 3.5, 0.0035, 0.05
 # Where equation 2 holds, the error of networks is smaller than they expect, by this factor.
 ERROR_WHERE_LIT = 0.65
-# Standard deviation per axis of a direction whose mean error is one: 0.8 if errors were normally distributed.
-SPREAD_OF_ERROR = 1.0
+# Standard deviation per axis of a direction whose mean error is one.
+SPREAD_OF_ERROR = 0.8
 # One light alone lowers the network's expected error to this share of it at most.
 ERROR_LEFT_BY_ONE = 0.8
 # Error of a channel by bounced light, per light in the blocked ones, and at least, as a share of full light.
 BOUNCED, LEAST_BOUNCED = 2.0, 0.004
 # Shares of full light: black shadows, and the least of a light that arrives.
-BLACK, ARRIVING = 0.03, 0.04
+BLACK, ARRIVING = 0.03, 0.08
 BLACK_SHADOWS = 0.7  # share of shadow pixels that are black; the others are penumbra of any grey
 # Largest value of a light; how far a normal may face away from the camera (its z); least sine by which one or two
 # lights determine a normal: below, errors would grow without bound.
