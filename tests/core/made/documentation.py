@@ -41,7 +41,7 @@ def commands(page: Path, program: str) -> list[list[str]]:
 LEFT_OUT = {
     r"\bpip install\b|\bsudo\b|^python3 -m venv|\.venv/bin/": "installs or builds, by the network; .ci/run does it",
     r"--command extension install-file": "needs a Blender; tests/blender/test_install.py does it",
-    r"mpsnet train|evaluate patch-sizes": "takes hours; tests/core/test_train_cli.py trains small ones",
+    r"mpsnet train|train_default\.py|evaluate patch-sizes": "takes hours; test_train_cli.py trains small ones",
     r"evaluate diligent": "needs DiLiGenT's photographs; tests/core/test_diligent.py makes its own",
     r"mpsnet scan": "searches all around the mesh, for minutes; tests/core/test_calibrate_mesh.py does it",
     r"tensorboard|http\.server": "serves until it is stopped",

@@ -78,7 +78,8 @@ def statue_photos(folder: Path) -> None:
     single = [np.repeat(photo.image[..., light, None], 3, axis=-1) for light in range(3)]
     raw(folder / "white.dng", np.sum(single, axis=0) / 3)
     for light in range(3):
-        developed(folder / f"photo_{3 * light + 1}.png", single[light])
+        for name in f"photo_{3 * light + 1}.png", f"photo_{light + 1}.jpg":
+            developed(folder / name, single[light])
         developed(folder / f"white_{light + 1}.png", single[light])
     for name, value in (("dark", 0.002), ("flat", 0.5)):
         (folder / name).mkdir()
@@ -204,3 +205,7 @@ def materials(folder: Path) -> None:
         value[:6] *= 0.02  # grey and matt, as the paper's; in both parts of the materials
     values["b3"] += 0.5  # bright all over
     np.savez(folder / "fits.npz", names=np.array(names), **values)
+    (folder / "npy").mkdir()
+    for key, value in values.items():
+        for name, one in zip(names, value, strict=True):
+            np.save(folder / "npy" / f"{name}_{key}.npy", one)
