@@ -27,9 +27,10 @@ def test_a_still_is_averaged_unless_set_otherwise(photographed, scene, tmp_path)
         bpy.ops.mps.estimate(output=str(path), file_format="EXR", **options)
         return read_normals(path)
 
+    scene.mps.estimate.encoding = "SRGB"  # not as it is, or the matt sphere is solved exactly whatever the passes
     averaged = estimated(model="MULTISCALE")
     once = estimated(average_passes=False)
-    assert angular_error(once.vectors, averaged.vectors)[averaged.mask].max() > 1  # most of it is solved exactly
+    assert angular_error(once.vectors, averaged.vectors)[averaged.mask].mean() > 0.05
     np.testing.assert_array_equal(estimated(model="MULTISCALE_QUICK", average_passes=True).vectors, once.vectors)
     scene.mps.estimate.model = "MULTISCALE_INT8"
     assert scene.mps.estimate.model == "MULTISCALE_QUICK"

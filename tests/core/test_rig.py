@@ -109,6 +109,7 @@ test_a_bad_rig_gets_one_clear_sentence = gets_one_clear_sentence(
         ("direction not finite", lambda b: LightRig([[0, NAN, 1], [1, 0, 1], [0, 0, 1]]), "light directions"),
         ("angle beyond all numbers", lambda b: read_rig(lights(b, slant=10**400)), "second light…2 finite numbers"),
         ("direction and angles", lambda b: read_rig(lights(b, direction=[0, 0, 1])), "second light needs either…or"),
+        ("an angle in words", lambda b: read_rig(lights(b, slant="steep")), "rig.json…second light…2 finite numbers"),
         ("an angle as text", lambda b: read_rig(lights(b, slant="30")), "rig.json…second light…2 finite numbers"),
         (lambda b: read_rig(b.rig(mixing=[[1, 1, 0], [1, 1, 0], [0, 0, 1]])), "mixing matrix cannot be inverted"),
         (lambda b: read_rig(b.rig(mixing=[[10**400, 0, 0], [0, 1, 0], [0, 0, 1]])), "rig.json…mixing matrix"),
